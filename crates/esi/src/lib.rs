@@ -13,6 +13,7 @@
 mod assembly;
 mod bounds;
 mod dictionary;
+mod doubt;
 mod encoding;
 mod file;
 pub mod image;
@@ -26,7 +27,8 @@ mod slots;
 mod texts;
 mod xml;
 
-pub use assembly::{Assembly, AssemblyError, Command, CommandSource, Doubt};
+pub use assembly::{Assembly, AssemblyError, Command, CommandSource};
+pub use doubt::Doubt;
 pub use file::{EsiError, EsiFile, NODE_LIMIT, SIZE_LIMIT};
 pub use model::{Device, Module};
 pub use names::Names;

@@ -46,9 +46,9 @@ fn a_device_has_everything_that_its_file_says() {
     assert!(servo.tx_pdos[0].mandatory && !servo.tx_pdos[0].fixed);
     let coe = servo.mailbox.as_ref().unwrap().coe.as_ref().unwrap();
     assert_eq!(coe.commands[0].data, [3, 0]);
-    assert_eq!(coe.commands[1].transitions, ["SO"]);
+    assert_eq!(coe.commands[2].transitions, ["SO"]);
     let mode = &servo.dc_modes[1];
-    assert_eq!((mode.assign_activate, mode.sync1.factor, mode.sync1.shift_ns), (0x0700, Some(-2), 30_000));
+    assert_eq!((mode.assign_activate, mode.sync1.factor, mode.sync1.shift_ns), (0x0700, Some(-1), 20_000));
     let terminal = &file.devices[1];
     assert_eq!(terminal.sync_managers[0].usage, SmUse::Outputs);
     assert!(terminal.sync_managers[0].op_only && !terminal.sync_managers[0].is_virtual);
@@ -104,7 +104,7 @@ fn an_image_says_what_the_file_says() {
     let [_, _, outputs, inputs] = image.sync_managers[..] else { panic!("{:?}", image.sync_managers) };
     assert_eq!((outputs.usage, outputs.length, inputs.length), (SyncManagerUsage::Outputs, 12, 16));
     assert_eq!((image.rx_pdos[0].sync_manager, image.rx_pdos[1].sync_manager), (Some(2), None));
-    assert_eq!((image.dc_modes[1].assign_activate, image.dc_modes[1].sync1_cycle_factor), (0x0700, -2));
+    assert_eq!((image.dc_modes[1].assign_activate, image.dc_modes[1].sync1_cycle_factor), (0x0700, -1));
     assert_eq!(image.general.as_ref().unwrap().physical_ports, 0x11);
 }
 
@@ -294,22 +294,24 @@ fn modules_whose_indices_do_not_count_up_are_told() {
 
 #[test]
 fn commands_that_no_parameter_can_say_are_told() {
-    let command = |more: &str, data: &str| {
+    let command = |more: &str, subindex: u8, data: &str| {
         format!(
-            "<InitCmd{more}><Transition>PS</Transition><Index>#x8000</Index><Data>{data}</Data></InitCmd>\n"
+            "<InitCmd{more}><Transition>PS</Transition><Index>#x8000</Index><SubIndex>{subindex}</SubIndex><Data>{data}</Data></InitCmd>\n"
         )
     };
-    let all = command("", "") + &command(" CompleteAccess=\"1\"", "0102") + &command("", "03");
+    let whole = " CompleteAccess=\"1\"";
+    let all =
+        command("", 1, "") + &command(whole, 2, "0102") + &command("", 1, "03") + &command(whole, 0, "0102");
     let file = with_device(&format!("<Mailbox><CoE>{all}</CoE></Mailbox>"));
     let told = [
         "the command of line 3 to 0x8000 has no data: it isn't sent",
-        "the command of line 4 writes the whole of 0x8000 at once (complete access), which `parameters` can't do: it isn't sent; write its entries one by one where the device takes them so",
+        "the command of line 4 writes 0x8000 at once from subindex 2 on (complete access), which begins at 0 or 1: it isn't sent; write its entries one by one where the device takes them so",
     ];
     assert_eq!(doubts(&file), told);
     let assembly = Assembly::new(&file.devices[0], Vec::new()).unwrap();
     let sent: Vec<u32> =
         assembly.commands().iter().filter(|one| one.is_parameter()).map(|one| one.command.line).collect();
-    assert_eq!(sent, [5]);
+    assert_eq!(sent, [5, 6]);
 }
 
 #[test]

@@ -4,9 +4,11 @@ use alloc::string::String;
 use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::num::NonZeroU16;
+use core::time::Duration;
 
 use crate::process_data::{Direction, MailboxConfig};
 use crate::start_up::SdoWrite;
+use crate::wire::AlState;
 use crate::wire::coe::ObjectAddress;
 
 /// Which SubDevice a configuration is for.
@@ -72,11 +74,46 @@ pub enum DcConfig {
     Sync0And1 {
         /// Period of SYNC0, ns.
         cycle_ns: u32,
-        /// Shift of SYNC0 against multiples of the cycle, ns.
+        /// Shift of SYNC0 against multiples of SYNC1's period, ns.
         shift_ns: i32,
-        /// Register 0x09A4: delay of SYNC1 after SYNC0 where below the cycle, ns.
+        /// Register 0x09A4: SYNC1 comes so long after a SYNC0, and is counted again from the next one behind it.
         sync1_cycle_ns: u32,
     },
+}
+
+impl DcConfig {
+    /// What turns its events on: the registers 0x0980 (low byte) and 0x0981, as ESI files call it AssignActivate.
+    pub fn assign_activate(self) -> u16 {
+        match self {
+            DcConfig::Off => 0,
+            DcConfig::Sync0 { .. } => 0x0300,
+            DcConfig::Sync0And1 { .. } => 0x0700,
+        }
+    }
+}
+
+/// The longest waits for one SubDevice; what is `None` is as for every other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Timeouts {
+    /// To INIT.
+    pub init: Option<Duration>,
+    /// INIT to PRE-OP.
+    pub pre_op: Option<Duration>,
+    /// PRE-OP to SAFE-OP, and SAFE-OP to OP.
+    pub safe_op_op: Option<Duration>,
+    /// From a message to its mailbox to the answer.
+    pub mailbox: Option<Duration>,
+}
+
+impl Timeouts {
+    /// The longest wait for a state of its own.
+    pub fn of(&self, state: AlState) -> Option<Duration> {
+        match state {
+            AlState::Init => self.init,
+            AlState::PreOp | AlState::Bootstrap => self.pre_op,
+            AlState::SafeOp | AlState::Op => self.safe_op_op,
+        }
+    }
 }
 
 /// How the application is synchronised: objects 0x1C32 and 0x1C33, subindex 1.
@@ -161,24 +198,23 @@ pub struct SubDeviceConfig {
     pub dc: DcConfig,
     /// Written to 0x1C32 and 0x1C33 where given.
     pub sync_mode: Option<SyncMode>,
-    /// Write 0x0980 (SYNC unit under the control of the MainDevice); some drives refuse it.
-    pub cyclic_control: CyclicControl,
+    /// The registers 0x0980 (low byte; a refusal is tolerated) and 0x0981; `None`: [`DcConfig::assign_activate`].
+    pub assign_activate: Option<u16>,
     /// Watchdogs.
     pub watchdogs: WatchdogConfig,
+    /// The longest waits.
+    pub timeouts: Timeouts,
     /// Whether LRW may touch it; `None` decides from register 0x0008 and the SII.
     pub lrw: Option<LrwPermission>,
     /// Mailboxes in place of the SII's.
     pub mailbox: Option<MailboxConfig>,
 }
 
-/// Whether register 0x0980 is written.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum CyclicControl {
-    /// Written; a refusal is tolerated.
-    #[default]
-    Write,
-    /// Left alone.
-    Leave,
+impl SubDeviceConfig {
+    /// What the registers 0x0980 and 0x0981 are told.
+    pub fn assign_activate(&self) -> u16 {
+        self.assign_activate.unwrap_or(self.dc.assign_activate())
+    }
 }
 
 /// Whether LRW datagrams may touch a SubDevice.

@@ -165,6 +165,7 @@ fn registers(what: &'static str, register: u16, data: &[u8]) -> StartUpStep {
 /// Mailbox, SyncManagers and the steps to PRE-OP and in it of one SubDevice.
 fn prepare(subdevice: &mut SubDevice, timeouts: StateTimeouts) -> Result<Option<Mailbox>, SetUpError> {
     let (position, config) = (subdevice.position, &subdevice.config);
+    let timeout = |state| config.timeouts.of(state).unwrap_or(timeouts.of(state));
     let count = subdevice.esc.sync_manager_count;
     subdevice.mailbox = sync_manager::mailbox_config(&subdevice.sii, config);
     let usable = |cause: UnusableMailbox| SetUpError::Mailbox { position, cause };
@@ -186,7 +187,7 @@ fn prepare(subdevice: &mut SubDevice, timeouts: StateTimeouts) -> Result<Option<
     let steps = &mut subdevice.start_up.steps;
     steps.clear();
     // A SubDevice that comes back may be in any state; its SyncManagers take nothing while they are on.
-    steps.push(StartUpStep::State { state: AlState::Init, timeout: timeouts.init });
+    steps.push(StartUpStep::State { state: AlState::Init, timeout: timeout(AlState::Init) });
     for (what, register, size, count) in [
         ("switching the SyncManagers off", register::SM, register::SM_SIZE, count),
         ("switching the FMMUs off", register::FMMU, register::FMMU_SIZE, subdevice.esc.fmmu_count),
@@ -202,7 +203,7 @@ fn prepare(subdevice: &mut SubDevice, timeouts: StateTimeouts) -> Result<Option<
         steps.push(registers("the mailboxes", register::SM, &mailboxes));
     }
     steps.push(registers("giving the EEPROM to the application", register::SII_CONFIG, &[1]));
-    steps.push(StartUpStep::State { state: AlState::PreOp, timeout: timeouts.pre_op });
+    steps.push(StartUpStep::State { state: AlState::PreOp, timeout: timeout(AlState::PreOp) });
     steps.extend(config.sdos.iter().cloned().map(StartUpStep::Sdo));
     steps.extend(mapping::mapping_steps(config));
     if let Some(mode) = config.sync_mode {
@@ -448,7 +449,9 @@ impl<L: Link, C: Clock> Bus<L, C> {
             if subdevice.config.dc != DcConfig::Off {
                 steps.push(StartUpStep::ArmSync);
             }
-            let state = |state| StartUpStep::State { state, timeout: timeouts.of(state) };
+            let own = subdevice.config.timeouts;
+            let state =
+                |state| StartUpStep::State { state, timeout: own.of(state).unwrap_or(timeouts.of(state)) };
             steps.push(state(AlState::SafeOp));
             for index in subdevice.sync_managers.iter().filter_map(SyncManager::op_only) {
                 let register = register::SM + register::SM_SIZE * u16::from(index) + ACTIVATE;

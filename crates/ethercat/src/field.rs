@@ -7,7 +7,7 @@ use crate::bus::Bus;
 use crate::eeprom::{self, SiiExtent, SiiReader, SiiWriter};
 use crate::error::SetUpError;
 use crate::found::Found;
-use crate::mailbox::{Completion, Mailbox, MailboxError, MailboxRequest};
+use crate::mailbox::{Completion, DEFAULT_TIMEOUT, Mailbox, MailboxError, MailboxRequest};
 use crate::procedure::{Answer, Next, Procedure};
 use crate::process_data::{MailboxConfig, MemoryArea};
 use crate::state::{Application, StateChange};
@@ -203,6 +203,7 @@ fn boot_mailbox(position: u16, header: &sii::Header) -> Result<MailboxConfig, Se
         write: MemoryArea { start: areas.receive_offset, length: areas.receive_size },
         read: MemoryArea { start: areas.send_offset, length: areas.send_size },
         protocols: sii::PROTOCOL_FOE,
+        answer_timeout: DEFAULT_TIMEOUT,
     })
 }
 

@@ -279,7 +279,7 @@ impl Mailbox {
         let Task::Run { request, transfer, deadline } = &mut self.task else { return };
         self.message.fill(0);
         let length = transfer.write(&mut self.message[mailbox::HEADER..], request);
-        *deadline = now + request.timeout;
+        *deadline = now + request.timeout.unwrap_or(self.config.answer_timeout);
         let protocol = transfer.protocol();
         self.next_look = now;
         self.post(protocol, length);
@@ -316,7 +316,7 @@ impl Mailbox {
     fn check_deadline(&mut self, now: HostTime) {
         match &self.task {
             Task::Run { request, deadline, .. } if now >= *deadline => {
-                let after = request.timeout;
+                let after = request.timeout.unwrap_or(self.config.answer_timeout);
                 let waiting = match self.stage {
                     Stage::RepeatLook | Stage::RepeatAsk { .. } | Stage::RepeatWait { .. } => Waiting::Repeat,
                     _ if self.to_write => Waiting::MailboxEmpty,

@@ -2,6 +2,7 @@
 
 use alloc::string::String;
 use alloc::vec::Vec;
+use core::time::Duration;
 
 use crate::wire::coe::ObjectAddress;
 use crate::wire::sii::{self, SyncManagerUsage};
@@ -24,6 +25,8 @@ pub struct MailboxConfig {
     pub read: MemoryArea,
     /// Protocols, bits `sii::PROTOCOL_*`.
     pub protocols: u16,
+    /// How long each message waits for its answer, where a request doesn't say otherwise.
+    pub answer_timeout: Duration,
 }
 
 impl MailboxConfig {

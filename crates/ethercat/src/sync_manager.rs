@@ -3,6 +3,7 @@
 use alloc::vec::Vec;
 
 use crate::config::SubDeviceConfig;
+use crate::mailbox::DEFAULT_TIMEOUT;
 use crate::process_data::{
     Activation, Direction, MailboxConfig, MappedObject, MappedPdo, MemoryArea, SyncManager,
 };
@@ -37,6 +38,7 @@ pub fn mailbox_config(image: &Image, config: &SubDeviceConfig) -> Option<Mailbox
         write: MemoryArea { start: areas.receive_offset, length: areas.receive_size },
         read: MemoryArea { start: areas.send_offset, length: areas.send_size },
         protocols: header.mailbox_protocols,
+        answer_timeout: config.timeouts.mailbox.unwrap_or(DEFAULT_TIMEOUT),
     })
 }
 

@@ -2,6 +2,7 @@
 
 mod axis;
 mod bus;
+mod clocks;
 mod devices;
 mod doubts;
 mod drives;
@@ -155,7 +156,7 @@ impl Check {
         let bus = self.bus(&file.bus, &file.safety);
         let sdo_writes = file.bus.sdo_write_while_enabled.as_deref().unwrap_or_default();
         let sdo_write_while_enabled = sdo_writes::resolve(self, sdo_writes);
-        let drives = drives::resolve(self, &file.drive_defaults, &file.drive, registry, read_file);
+        let drives = drives::resolve(self, &file.bus, &file.drive_defaults, &file.drive, registry, read_file);
         let devices = devices::resolve(self, &file, registry);
         let kinematics = platform::resolve(self, &file.platform, file.drive.len(), registry);
         let limits = self.limits(&file.limits);

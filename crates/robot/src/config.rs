@@ -32,6 +32,8 @@ mod sensor_tables;
 mod simulation_tables;
 mod source;
 mod source_tables;
+mod start_plan;
+mod start_tables;
 mod torque_limit;
 mod units;
 
@@ -66,5 +68,7 @@ pub use sensor_tables::*;
 pub use simulation_tables::*;
 pub use source::{Locations, Source, choice_names, nearest};
 pub use source_tables::*;
+pub use start_plan::DcPlan;
+pub use start_tables::*;
 pub(crate) use torque_limit::TORQUE_LIMIT_OBJECTS;
 pub use torque_limit::{TorqueLimit, TorqueLimitTold};

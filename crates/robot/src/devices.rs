@@ -4,8 +4,6 @@ mod cia402;
 mod field;
 mod sgdv;
 
-use omnibase_ethercat::start_up::ReadBack;
-
 use crate::config::{MapEntry, ParameterPlan, PdoPlan};
 use crate::registry::{DeviceDefaults, Kind, Registry};
 
@@ -31,6 +29,5 @@ pub(crate) fn pdo(index: u16, entries: &[(u16, u8, u8)]) -> PdoPlan {
 
 /// A parameter of 16 bits, written and read back.
 fn written(index: u16, value: i16, origin: &str) -> ParameterPlan {
-    let data = value.to_le_bytes().to_vec();
-    ParameterPlan { index, subindex: 0, data, read_back: ReadBack::Compare, origin: origin.to_owned() }
+    ParameterPlan::entry((index, 0), value.to_le_bytes().to_vec(), origin.to_owned())
 }

@@ -37,7 +37,7 @@ pub(super) fn read(kind: DriveKind, entry: &mut TableReader, document: &mut Docu
     if let Some(position) = table.integer("initial_position", whole, document) {
         servo.initial_position = position as i32;
     }
-    if let Some(transition_us) = table.integer("transition_us", 0..=10_000_000, document) {
+    if let Some(transition_us) = table.integer("transition_us", 0..=60_000_000, document) {
         drive.times.step_ns = transition_us as u64 * 1000;
     }
     let span = table.span();

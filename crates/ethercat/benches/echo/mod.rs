@@ -1,8 +1,9 @@
 //! A link that answers every frame with the right working counters and costs next to nothing.
 
-use omnibase_ethercat::config::{CyclicControl, Every, LrwPermission};
+use omnibase_ethercat::config::{Every, LrwPermission, Timeouts};
 use omnibase_ethercat::cyclic::{Goal, TransitionOptions, TransitionStatus};
 use omnibase_ethercat::image::{Area, ClockUse, Member, Packing};
+use omnibase_ethercat::mailbox::DEFAULT_TIMEOUT;
 use omnibase_ethercat::subdevice::{DcWidth, Direction, MailboxConfig, MemoryArea};
 use omnibase_ethercat::wire::bytes::{put_u16, u16_at, u32_at};
 use omnibase_ethercat::wire::frame::{DATAGRAM_HEADER, FIRST_DATAGRAM, MAX_FRAME, PROCESSED_BIT};
@@ -30,12 +31,18 @@ pub fn servos(count: u16, bytes: u32) -> Vec<Member> {
         station: 0x1000 + position,
         lrw: LrwPermission::Barred,
         areas: vec![area(2, Direction::Outputs), area(3, Direction::Inputs)],
-        mailbox: Some(MailboxConfig { write: memory, read: memory, protocols: 4 }),
+        mailbox: Some(MailboxConfig {
+            write: memory,
+            read: memory,
+            protocols: 4,
+            answer_timeout: DEFAULT_TIMEOUT,
+        }),
         every: Every::CYCLE,
         op_only: Vec::new(),
         clock: Some(DcWidth::Bits64),
         sync: DcConfig::Off,
-        cyclic_control: CyclicControl::Write,
+        assign_activate: 0,
+        timeouts: Timeouts::default(),
     };
     (0..count).map(member).collect()
 }

@@ -7,7 +7,7 @@ mod states;
 mod work;
 
 use super::*;
-use crate::config::{CyclicControl, DcConfig, LrwPermission};
+use crate::config::{DcConfig, LrwPermission, Timeouts};
 use crate::image::ClockUse;
 use crate::subdevice::{DcWidth, Direction};
 use crate::wire::bytes::u32_at;

@@ -6,7 +6,7 @@ use super::batch::{ATTEMPTS, Access, Batch, Item, ItemState};
 use super::error::{Programmed, TransitionError};
 use super::sync::Sync0;
 use super::{Exchange, SegmentStatus};
-use crate::config::{CyclicControl, DcConfig};
+use crate::config::DcConfig;
 use crate::found::Found;
 use crate::image::{ClockUse, Member, Turn};
 use crate::subdevice::{DcWidth, Direction};
@@ -341,8 +341,8 @@ impl Transition {
         let sync0 = Sync0::of(member.sync)?;
         Some(match self.step {
             Step::SyncOff => Access::write(register::DC_ACTIVATION, &[0]),
-            Step::CyclicControl if member.cyclic_control == CyclicControl::Write => {
-                Access::write(register::DC_CYCLIC_CONTROL, &[0])
+            Step::CyclicControl => {
+                Access::write(register::DC_CYCLIC_CONTROL, &[member.assign_activate as u8])
             }
             Step::Sync0Cycle => Access::write(register::DC_SYNC0_CYCLE, &sync0.cycle_ns.to_le_bytes()),
             Step::Sync1Cycle => {
@@ -358,10 +358,7 @@ impl Transition {
                 let length = if member.clock == Some(DcWidth::Bits32) { 4 } else { 8 };
                 Access::write(register::DC_START_TIME, &bytes[..length])
             }
-            Step::SyncOn => {
-                let both = matches!(member.sync, DcConfig::Sync0And1 { .. });
-                Access::write(register::DC_ACTIVATION, &[if both { 7 } else { 3 }])
-            }
+            Step::SyncOn => Access::write(register::DC_ACTIVATION, &[(member.assign_activate >> 8) as u8]),
             _ => return None,
         })
     }
@@ -369,13 +366,18 @@ impl Transition {
     fn wait_for(&mut self, state: AlState, view: &mut View<'_>) -> Option<Progress> {
         let up = self.goal == Goal::Op;
         let after = view.now - self.since;
-        let timed_out = after >= self.options.state_timeout;
+        let limits = view.members.iter().map(|member| self.limit(state, member));
+        let (first, last) = limits
+            .fold((self.options.state_timeout, Duration::ZERO), |(first, last), limit| {
+                (first.min(limit), last.max(limit))
+            });
+        let timed_out = after >= first;
         if self.inquiring {
             self.inquiring = false;
-            if let Some(error) = culprit(state, view, (timed_out && up).then_some(after)) {
+            if let Some(error) = self.culprit(state, view, up.then_some(after)) {
                 return self.fail(error, view.now);
             }
-            if timed_out {
+            if after >= last {
                 return self.go_on(view.now);
             }
         }
@@ -436,6 +438,32 @@ impl Transition {
         };
         self.fail(error, view.now)
     }
+
+    /// The longest wait for a SubDevice's state.
+    fn limit(&self, state: AlState, member: &Member) -> Duration {
+        let own = member.timeouts.of(state).filter(|_| self.goal == Goal::Op);
+        own.unwrap_or(self.options.state_timeout)
+    }
+
+    /// The first SubDevice that is in error, or (where the time since it was asked is beyond its limit) not in the state.
+    fn culprit(&self, target: AlState, view: &View<'_>, after: Option<Duration>) -> Option<TransitionError> {
+        view.batch.items().iter().find_map(|item| {
+            let position = item.position;
+            let member = view.members.get(usize::from(position))?;
+            let after = after.filter(|after| *after >= self.limit(target, member));
+            if !matches!(item.state, ItemState::Answered) {
+                return after.map(|after| TransitionError::Unreachable { position, after });
+            }
+            let status = u16_at(&item.data, 0);
+            let code = AlStatusCode(u16_at(&item.data, 4));
+            let programmed = programmed(member);
+            if status & AlState::ERROR != 0 {
+                return Some(TransitionError::StateRefused { position, target, status, code, programmed });
+            }
+            let after = after.filter(|_| status & 0x0F != target.bits())?;
+            Some(TransitionError::StateTimeout { position, target, status, after, programmed })
+        })
+    }
 }
 
 fn refused(items: &[Item]) -> Option<TransitionError> {
@@ -450,24 +478,6 @@ fn refused(items: &[Item]) -> Option<TransitionError> {
             })
         }
         _ => None,
-    })
-}
-
-/// The first SubDevice that is in error, or (where time is up) not in the state.
-fn culprit(target: AlState, view: &View<'_>, after: Option<Duration>) -> Option<TransitionError> {
-    view.batch.items().iter().find_map(|item| {
-        let position = item.position;
-        if !matches!(item.state, ItemState::Answered) {
-            return after.map(|after| TransitionError::Unreachable { position, after });
-        }
-        let status = u16_at(&item.data, 0);
-        let code = AlStatusCode(u16_at(&item.data, 4));
-        let programmed = view.members.get(usize::from(position)).map(programmed).unwrap_or_default();
-        if status & AlState::ERROR != 0 {
-            return Some(TransitionError::StateRefused { position, target, status, code, programmed });
-        }
-        let after = after.filter(|_| status & 0x0F != target.bits())?;
-        Some(TransitionError::StateTimeout { position, target, status, after, programmed })
     })
 }
 

@@ -2,7 +2,7 @@
 
 use alloc::vec::Vec;
 
-use crate::config::{CyclicControl, DcConfig, Every, LrwPermission};
+use crate::config::{DcConfig, Every, LrwPermission, Timeouts};
 use crate::mailbox::Mailbox;
 use crate::subdevice::{DcWidth, Direction, MailboxConfig, SubDevice, SyncManager};
 
@@ -49,8 +49,10 @@ pub struct Member {
     pub clock: Option<DcWidth>,
     /// SYNC0 and SYNC1.
     pub sync: DcConfig,
-    /// Whether register 0x0980 is written.
-    pub cyclic_control: CyclicControl,
+    /// What the registers 0x0980 and 0x0981 are told.
+    pub assign_activate: u16,
+    /// The longest waits.
+    pub timeouts: Timeouts,
 }
 
 /// Data bytes that register accesses in the spare datagram may have, whatever the mailboxes are.
@@ -92,7 +94,8 @@ impl From<&SubDevice> for Member {
             op_only: subdevice.sync_managers.iter().filter_map(SyncManager::op_only).collect(),
             clock: subdevice.dc.map(|dc| dc.width),
             sync: subdevice.config.dc,
-            cyclic_control: subdevice.config.cyclic_control,
+            assign_activate: subdevice.config.assign_activate(),
+            timeouts: subdevice.config.timeouts,
         }
     }
 }

@@ -1,5 +1,6 @@
 use super::*;
-use crate::config::{CyclicControl, DcConfig, Every};
+use crate::config::{DcConfig, Every, Timeouts};
+use crate::mailbox::DEFAULT_TIMEOUT;
 use crate::subdevice::{DcWidth, MailboxConfig, MemoryArea};
 use crate::wire::frame::{DATAGRAM_OVERHEAD, FIRST_DATAGRAM, MAX_FRAME};
 use crate::wire::{Address, Command};
@@ -22,12 +23,18 @@ fn member(position: u16, outputs: u32, inputs: u32) -> Member {
         station: 0x1000 + position,
         lrw: LrwPermission::Barred,
         areas,
-        mailbox: Some(MailboxConfig { write: memory, read: memory, protocols: 4 }),
+        mailbox: Some(MailboxConfig {
+            write: memory,
+            read: memory,
+            protocols: 4,
+            answer_timeout: DEFAULT_TIMEOUT,
+        }),
         every: Every::CYCLE,
         op_only: Vec::new(),
         clock: Some(DcWidth::Bits64),
         sync: DcConfig::Off,
-        cyclic_control: CyclicControl::Write,
+        assign_activate: 0,
+        timeouts: Timeouts::default(),
     }
 }
 

@@ -31,7 +31,7 @@ impl Mailbox {
             }
             Outcome::More => {
                 if let Task::Run { request, deadline, .. } = &mut self.task {
-                    *deadline = now + request.timeout;
+                    *deadline = now + request.timeout.unwrap_or(self.config.answer_timeout);
                 }
                 (self.to_write, self.write_uncertain) = (false, false);
                 self.stage = Stage::Poll;

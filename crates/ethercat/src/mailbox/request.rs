@@ -127,8 +127,9 @@ pub struct MailboxRequest {
     pub operation: Operation,
     /// A download's data, or (after success) the result of everything else.
     pub data: Vec<u8>,
-    /// How long each message waits for its answer; a transfer of many segments may take longer in all.
-    pub timeout: Duration,
+    /// How long each message waits for its answer; a transfer of many segments may take longer in all. `None`: as the
+    /// mailbox is used to.
+    pub timeout: Option<Duration>,
 }
 
 impl MailboxRequest {
@@ -144,12 +145,12 @@ impl MailboxRequest {
 
     /// Any operation with its buffer.
     pub fn new(operation: Operation, buffer: Vec<u8>) -> Self {
-        MailboxRequest { operation, data: buffer, timeout: DEFAULT_TIMEOUT }
+        MailboxRequest { operation, data: buffer, timeout: None }
     }
 
     /// The same request with another timeout for each message.
     pub fn with_timeout(self, timeout: Duration) -> Self {
-        MailboxRequest { timeout, ..self }
+        MailboxRequest { timeout: Some(timeout), ..self }
     }
 }
 

@@ -38,7 +38,7 @@ fn sdo(command: &Command) -> SdoWrite {
     SdoWrite {
         object: ObjectAddress::new(command.index.index, command.subindex),
         data: command.data.clone(),
-        access: SdoAccess::Entry,
+        access: if command.complete_access { SdoAccess::Complete } else { SdoAccess::Entry },
         refusal: Refusal::IsError,
         read_back: ReadBack::Compare,
         origin: None,
@@ -117,7 +117,7 @@ fn a_made_up_makers_devices_reach_op() {
     let file = made_up();
     let vendor = file.vendor.id.unwrap();
     let alone = |number: usize| Assembly::new(&file.devices[number], Vec::new()).unwrap();
-    assert_eq!(reach_op(&alone(0), vendor), Ok(1));
+    assert_eq!(reach_op(&alone(0), vendor), Ok(2));
     assert_eq!(reach_op(&alone(1), vendor), Ok(0));
     let modules = vec![&file.modules[0], &file.modules[1], &file.modules[0]];
     let with_modules = Assembly::new(&file.devices[2], modules).unwrap();

@@ -4,11 +4,11 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use omnibase_ethercat::config::DcConfig;
+use omnibase_ethercat::config::{DcConfig, Timeouts};
 use omnibase_ethercat::cyclic::{ClockDirection, Exchange, Goal, Handover, TransitionOptions};
 use omnibase_ethercat::paced::{Leader, Pace, PacedBus};
 use omnibase_ethercat::subdevice::{Direction, SubDevice};
-use omnibase_ethercat::wire::bytes::u16_at;
+use omnibase_ethercat::wire::bytes::{u16_at, u32_at, u64_at};
 use omnibase_ethercat::wire::{AlState, Clock, HostTime, Link, register};
 use omnibase_ethercat::{Bus, BusOptions, CyclicBus, ProcessImage, SubDeviceConfig};
 use omnibase_ethercat_sim::segment_file::line_of_images;
@@ -166,4 +166,52 @@ fn recorded_devices_reach_op() {
         let esc = paced.bus().link().segment().sub_devices()[usize::from(position)].esc();
         assert_eq!(esc.peek(0x0F00, pattern.len()), Some(&pattern[..]));
     }
+}
+
+/// Two servos, of which the second takes 11 s for each change of state: longer than any device is waited for.
+const SLOW: &str = "[[subdevice]]\nkind = \"servo\"\n\n[[subdevice]]\nkind = \"servo\"\nservo = { transition_us = 11_000_000 }\n";
+
+#[test]
+fn a_slow_device_is_waited_for_as_long_as_it_may_take() {
+    let seconds = |seconds| Some(Duration::from_secs(seconds));
+    let reach = |timeouts: Timeouts| {
+        let segment = SegmentFile::parse(SLOW).unwrap().build(Path::new(".")).unwrap();
+        let (link, clock) = in_process(segment);
+        let slow = SubDeviceConfig { timeouts, ..SubDeviceConfig::default() };
+        let reached = to_op(link, clock.clone(), |_| vec![SubDeviceConfig::default(), slow.clone()]);
+        (reached.map(drop), clock.now())
+    };
+    let patient = Timeouts { init: seconds(12), pre_op: seconds(12), safe_op_op: seconds(12), mailbox: None };
+    let (reached, at) = reach(patient);
+    assert_eq!(reached, Ok(()));
+    assert!(at > HostTime(33_000_000_000), "it took its time: {at:?}");
+    for (timeouts, told) in [
+        (Timeouts::default(), "PRE-OP not reached within 3s"),
+        (Timeouts { safe_op_op: None, ..patient }, "still in PRE-OP after 10.0"),
+        (Timeouts { safe_op_op: seconds(2), ..patient }, "still in PRE-OP after 2.0"),
+    ] {
+        let text = reach(timeouts).0.unwrap_err();
+        assert!(text.contains("SubDevice 1") && text.contains(told), "{told}: {text}");
+    }
+}
+
+#[test]
+fn events_of_the_clock_are_as_asked() {
+    let cycle_ns = CYCLE.as_nanos() as u32 / 2;
+    let dc = DcConfig::Sync0And1 { cycle_ns, shift_ns: 0, sync1_cycle_ns: cycle_ns + 100_000 };
+    let registers = |assign_activate| {
+        let (link, clock) = in_process(segment_file("three-servos.toml"));
+        let config = SubDeviceConfig { dc, assign_activate, ..SubDeviceConfig::default() };
+        let operational = to_op(link, clock, |_| vec![config.clone(); 3]).unwrap();
+        let segment = operational.paced.bus().link().segment();
+        let esc = segment.sub_devices()[1].esc();
+        let control = u16_at(esc.peek(register::DC_CYCLIC_CONTROL, 2).unwrap(), 0);
+        let sync0 = u32_at(esc.peek(register::DC_SYNC0_CYCLE, 4).unwrap(), 0);
+        let sync1 = u32_at(esc.peek(register::DC_SYNC1_CYCLE, 4).unwrap(), 0);
+        // SYNC1 is counted from SYNC0: it comes where frames come, in each cycle at the same place.
+        let next = u64_at(esc.peek(register::DC_NEXT_SYNC1, 8).unwrap(), 0);
+        (control, sync0, sync1, next % CYCLE.as_nanos() as u64)
+    };
+    assert_eq!(registers(None), (0x0700, cycle_ns, cycle_ns + 100_000, 600_000));
+    assert_eq!(registers(Some(0x0730)), (0x0730, cycle_ns, cycle_ns + 100_000, 600_000));
 }

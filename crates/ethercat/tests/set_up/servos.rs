@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use omnibase_ethercat::config::{
-    DcConfig, LrwPermission, PdoConfig, SyncManagerPdos, SyncMode, WatchdogConfig,
+    DcConfig, LrwPermission, PdoConfig, SyncManagerPdos, SyncMode, Timeouts, WatchdogConfig,
 };
 use omnibase_ethercat::mailbox::{MailboxError, ObjectDescription};
 use omnibase_ethercat::mapping::MappingFailure;
@@ -231,16 +231,27 @@ fn synchronisation_watchdogs_and_lrw_are_as_configured() {
 
 #[test]
 fn a_parameter_for_a_silent_mailbox_ends_in_time() {
+    let timeouts = Timeouts { mailbox: Some(Duration::from_millis(300)), ..Timeouts::default() };
+    let asked = SubDeviceConfig { timeouts, ..SubDeviceConfig::default() };
+    for (configs, most) in [(Vec::new(), 5.0), (vec![asked], 0.4)] {
+        let (waited, error) = silent(&configs);
+        assert!(error.contains("timeout after"), "{error}");
+        assert!(waited.as_secs_f64() < most, "{waited:?}");
+    }
+}
+
+/// How long a mailbox that says nothing is listened to, and what is said then.
+fn silent(configs: &[SubDeviceConfig]) -> (Duration, String) {
     use omnibase_ethercat_sim::Fault;
     use omnibase_ethercat_sim::pdi::ApplicationFault;
-    let (mut bus, result) = start_up(DriveKind::Generic, 1, &[]);
+    let (mut bus, result) = start_up(DriveKind::Generic, 1, configs);
     result.unwrap();
     let silence = Fault::from(ApplicationFault::MailboxSilence(true));
     bus.transactor().link.segment_mut().inject(0, silence).unwrap();
     let before = bus.transactor().clock.now();
     let error = bus.sdo_read(0, object(0x1000, 0), SdoAccess::Entry).unwrap_err();
     assert!(matches!(error, SetUpError::Request { cause: MailboxError::Timeout { .. }, .. }), "{error}");
-    assert!(bus.transactor().clock.now() - before < Duration::from_secs(5));
+    (bus.transactor().clock.now() - before, error.to_string())
 }
 
 #[test]

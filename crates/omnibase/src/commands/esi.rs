@@ -1,5 +1,6 @@
 //! `omnibase esi`: what a maker's file says of its devices.
 
+mod clocks;
 mod explain;
 mod json;
 mod table;

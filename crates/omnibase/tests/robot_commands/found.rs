@@ -44,10 +44,21 @@ fn a_makers_file_becomes_tables_that_a_robots_file_takes() {
         let table = table.replace("position = 0", "position = 3");
         assert_eq!(problems(&folder, &with_devices(&table)), None, "{table}");
     }
-    // A drive lacks what only its motor's plate tells: that is said, and nothing else.
+    // Modes of its clock: the first with SYNC0 is its own, the other one is there to be chosen.
     let drive = esi(&[file, "--device", "0x402:0x10000", "--toml"]);
-    let filled =
-        drive.replace("# counts_per", "counts_per").replace("# rated_", "rated_").replace("# peak_", "peak_");
+    let other =
+        "dc = { assign_activate = \"0x0700\", sync0_per_cycle = 4, sync1_every = 4, sync1_shift_us = 20 }";
+    let own = "dc = { assign_activate = \"0x0300\" }";
+    assert!(drive.contains(&format!("\n{own}")) && drive.contains(&format!("\n# {other}")), "{drive}");
+    assert!(drive.contains("Its maker shifts SYNC0 by 30 us: add that to `bus.sync0_shift_us`"), "{drive}");
+    let waits = "timeouts = { init_ms = 5000, pre_op_ms = 3000, safe_op_op_ms = 10000, mailbox_ms = 6000 }";
+    assert!(drive.contains(&format!("\n{waits}")), "{drive}");
+    // A drive lacks what only its motor's plate tells: that is said, and nothing else.
+    let filled = drive.replace(&format!("\n{own}"), &format!("\n{other}"));
+    let filled = filled
+        .replace("# counts_per", "counts_per")
+        .replace("# rated_", "rated_")
+        .replace("# peak_", "peak_");
     let base = std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap();
     let (before, after) = base.split_once("[[drive]]").unwrap();
     let (_, after) = after.split_once("[[drive]]").unwrap();

@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use super::bus::cycle_us;
+use super::clocks::{self, Beat};
 use super::kind_keys::Given;
 use super::subdevices::{self, Claims, parameter};
 use super::{Check, axis, rates};
@@ -123,7 +124,10 @@ impl Device<'_> {
         let group = self.group(place, &outputs, &inputs);
         let setting = self.setting("every");
         let every = rates::resolve(self.check, self.file, &setting, own, !outputs.is_empty());
-        let sync0_shift_ns = rates::sync0(self.check, &self.file.bus, &self.table, own);
+        let is_drive = own.axis.is_some();
+        let beat = if is_drive { Beat::Drive } else { Beat::Every(own.every.unwrap_or(1)) };
+        let setting = self.setting("dc");
+        let dc = clocks::resolve(self.check, &self.file.bus, &setting, own.dc.as_ref(), beat);
         let axis = match axis {
             Some(axis) => Some(axis?),
             None => None,
@@ -145,7 +149,8 @@ impl Device<'_> {
             place: place?,
             group: group?,
             every: every?,
-            sync0_shift_ns: sync0_shift_ns?,
+            dc: dc?,
+            timeouts: own.timeouts.as_ref().map_or_else(Default::default, Into::into),
             kind: kind.name.to_owned(),
             identity,
             outputs,

@@ -1,5 +1,6 @@
 //! The drives: defaults, the device's own defaults, identities, PDO maps, parameters, and their places on the bus.
 
+use super::clocks::{self, Beat};
 use super::kind_keys::Given;
 use super::subdevices::{self, parameter};
 use super::{Check, ReadFile, torque_limit};
@@ -10,6 +11,7 @@ use crate::signals::{MAX_PROCESS_BYTES, MAX_WHEELS};
 
 pub(super) fn resolve(
     check: &mut Check,
+    bus: &BusTable,
     defaults: &DriveTable,
     drives: &[DriveTable],
     registry: &Registry,
@@ -37,7 +39,7 @@ pub(super) fn resolve(
     let resolved: Vec<Option<DrivePlan>> = drives
         .iter()
         .enumerate()
-        .map(|(index, own)| Drive { check, index, own, defaults }.resolve(registry, &shared, read_file))
+        .map(|(index, own)| Drive { check, index, own, defaults }.resolve(bus, registry, &shared, read_file))
         .collect();
     resolved.into_iter().collect()
 }
@@ -64,7 +66,13 @@ impl Drive<'_> {
         }
     }
 
-    fn resolve(mut self, registry: &Registry, shared: &Given, read_file: ReadFile<'_>) -> Option<DrivePlan> {
+    fn resolve(
+        mut self,
+        bus: &BusTable,
+        registry: &Registry,
+        shared: &Given,
+        read_file: ReadFile<'_>,
+    ) -> Option<DrivePlan> {
         let name = self.own.name.clone().unwrap_or_else(|| format!("wheel_{}", self.index + 1));
         let table = format!("drive[{}]", self.index);
         let place = subdevices::place(
@@ -96,6 +104,9 @@ impl Drive<'_> {
         }
         let torque_limit = self.torque_limit(&outputs, &parameters);
         let speed_loop = self.speed_loop();
+        let (dc, setting) = self.pick("dc", |table| &table.dc);
+        let dc = clocks::resolve(self.check, bus, &setting, dc.as_ref(), Beat::Drive);
+        let timeouts = self.pick("timeouts", |table| &table.timeouts).0;
         let mut custom = self.defaults.custom.clone();
         custom.0.extend(self.own.custom.0.clone());
         Some(DrivePlan {
@@ -110,6 +121,8 @@ impl Drive<'_> {
             mode: self.pick("mode", |table| &table.mode).0,
             speed_loop: speed_loop?,
             encoder: self.pick("encoder", |table| &table.encoder).0.unwrap_or_default(),
+            dc: dc?,
+            timeouts: timeouts.as_ref().map_or_else(Default::default, Into::into),
             parameters,
             custom,
         })

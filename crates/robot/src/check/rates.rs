@@ -53,36 +53,3 @@ pub(super) fn resolve(
     problem.limit = Some(if most <= 1 { "1".into() } else { format!("1 to {most}") });
     None
 }
-
-/// The shift of its own SYNC0, ns, where it has one; `None` where it can't have it so.
-pub(super) fn sync0(
-    check: &mut Check,
-    bus: &BusTable,
-    table: &str,
-    own: &DeviceTable,
-) -> Option<Option<i32>> {
-    let cycle_us = cycle_us(bus);
-    let wants = own.sync0 == Some(true);
-    let beats = bus.synchronisation.unwrap_or(Synchronisation::Sync0) == Synchronisation::Sync0;
-    let shift_us = own.sync0_shift_us.or(bus.sync0_shift_us).unwrap_or(cycle_us as i32 / 2);
-    let (key, reason) = if own.axis.is_some() && (own.sync0.is_some() || own.sync0_shift_us.is_some()) {
-        ("sync0", "an axis has the SYNC0 of the other drives, or none as they")
-    } else if !wants && own.sync0_shift_us.is_some() {
-        ("sync0_shift_us", "it has no SYNC0: `sync0 = true` gives it one")
-    } else if wants && !beats {
-        ("sync0", "cycles follow the clock of the bus only with `bus.synchronisation = \"sync0\"`")
-    } else if wants && shift_us.unsigned_abs() >= cycle_us {
-        let problem = check.report(
-            ProblemKind::OutOfRange,
-            &format!("{table}.sync0_shift_us"),
-            "it is a place in the cycle",
-        );
-        problem.value = Some(shift_us.to_string());
-        problem.limit = Some(format!("below cycle_us = {cycle_us}"));
-        return None;
-    } else {
-        return Some(wants.then(|| shift_us.saturating_mul(1000)));
-    };
-    check.report(ProblemKind::Contradiction, &format!("{table}.{key}"), reason);
-    None
-}

@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 use std::ops::RangeInclusive;
 
-use omnibase_ethercat::start_up::ReadBack;
+use omnibase_ethercat::start_up::{ReadBack, SdoAccess};
 
 use super::Check;
 use crate::config::*;
@@ -152,7 +152,16 @@ pub(super) fn parameter(check: &mut Check, table: &ParameterTable, setting: &str
         ReadBackChoice::Compare => ReadBack::Compare,
         ReadBackChoice::Skip => ReadBack::Skip,
     };
-    Some(ParameterPlan { index, subindex, data, read_back, origin })
+    let access = match table.complete_access.unwrap_or(false) {
+        false => SdoAccess::Entry,
+        true if table.bytes.is_some() && subindex <= 1 => SdoAccess::Complete,
+        true => {
+            let reason = "a whole object is given as `bytes`, from its subindex 0 or 1 on";
+            check.report(ProblemKind::Contradiction, &format!("{setting}.complete_access"), reason);
+            return None;
+        }
+    };
+    Some(ParameterPlan { index, subindex, data, access, read_back, origin })
 }
 
 /// A parameter's number as it is sent.

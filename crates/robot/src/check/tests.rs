@@ -1,6 +1,7 @@
 //! Files of robots: the shipped ones, and broken ones whose problems all come at once with their places.
 
 mod axes;
+mod clocks;
 mod devices;
 mod kinds;
 mod receivers;

@@ -1,7 +1,5 @@
 //! How each drive is held to the torque limit of its wheel, checked against its process data.
 
-use omnibase_ethercat::start_up::ReadBack;
-
 use super::Check;
 use crate::config::*;
 use crate::config::{TORQUE_LIMIT_OBJECTS, find_object as find, is_mapped};
@@ -71,12 +69,8 @@ pub(super) fn resolve(check: &mut Check, drives: &mut [DrivePlan], limits: &Limi
                 "limits.wheel_torque_nm = {} N·m, to which nothing else would hold {}",
                 limits.wheel_torque_nm, drive.name
             );
-            let parameter = |object: &u16| ParameterPlan {
-                index: *object,
-                subindex: 0,
-                data: per_mille.to_le_bytes().to_vec(),
-                read_back: ReadBack::Compare,
-                origin: origin.clone(),
+            let parameter = |object: &u16| {
+                ParameterPlan::entry((*object, 0), per_mille.to_le_bytes().to_vec(), origin.clone())
             };
             drive.parameters.extend(drive.torque_limit.objects.objects().iter().map(parameter));
         }

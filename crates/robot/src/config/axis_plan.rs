@@ -1,7 +1,6 @@
 //! What an axis means once its table is resolved.
 
 use omnibase_cia402::Mode;
-use omnibase_ethercat::start_up::ReadBack;
 
 use super::axis_tables::{AxisMode, AxisUnit};
 use super::bus_plan::ParameterPlan;
@@ -213,9 +212,7 @@ pub(crate) struct AxisObject {
 impl AxisObject {
     /// How it is written at start-up.
     pub(crate) fn parameter(self) -> Result<ParameterPlan, Misfit> {
-        let (index, subindex) = self.object;
-        let (read_back, origin) = (ReadBack::Compare, "axis".to_owned());
-        Ok(ParameterPlan { index, subindex, data: self.data?, read_back, origin })
+        Ok(ParameterPlan::entry(self.object, self.data?, "axis".to_owned()))
     }
 }
 

@@ -1,7 +1,7 @@
 //! What the bus is asked for, from the plan.
 
 use omnibase_ethercat::config as bus_config;
-use omnibase_ethercat::start_up::{Refusal, SdoAccess, SdoWrite};
+use omnibase_ethercat::start_up::{Refusal, SdoWrite};
 use omnibase_ethercat::subdevice::Direction;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 
@@ -33,8 +33,10 @@ impl DrivePlan {
                 sync_manager(2, Direction::Outputs, &self.outputs),
                 sync_manager(3, Direction::Inputs, &self.inputs),
             ],
-            dc: bus.dc(),
-            sync_mode: Some(bus.sync_mode()),
+            dc: self.dc.map_or(bus_config::DcConfig::Off, |dc| dc.config(bus.cycle_ns)),
+            assign_activate: self.dc.map(|dc| dc.assign_activate),
+            sync_mode: bus.sync_mode(self.dc.as_ref()),
+            timeouts: self.timeouts,
             watchdogs: bus_config::WatchdogConfig {
                 divider: Some(DriveWatchdog::DIVIDER),
                 process_data: Some(bus.drive_watchdog.steps),
@@ -50,7 +52,7 @@ impl ParameterPlan {
         SdoWrite {
             object: ObjectAddress::new(self.index, self.subindex),
             data: self.data.clone(),
-            access: SdoAccess::Entry,
+            access: self.access,
             refusal: Refusal::IsError,
             read_back: self.read_back,
             origin: Some(self.origin.as_str().into()),

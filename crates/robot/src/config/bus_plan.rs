@@ -1,9 +1,10 @@
 //! The bus and its cycle, resolved, and who is where on it.
 
 use omnibase_ethercat::config as bus_config;
-use omnibase_ethercat::start_up::ReadBack;
+use omnibase_ethercat::start_up::{ReadBack, SdoAccess};
 
 use super::file::{ClockSource, Synchronisation};
+use super::start_plan::DcPlan;
 
 /// The bus and its cycle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -32,23 +33,12 @@ impl BusPlan {
         }
     }
 
-    /// How a drive's clock beats.
-    pub(super) fn dc(&self) -> bus_config::DcConfig {
+    /// By what a drive is synchronised; `None` where its clock has events that leave a choice to it.
+    pub(super) fn sync_mode(&self, dc: Option<&DcPlan>) -> Option<bus_config::SyncMode> {
         match self.synchronisation {
-            Synchronisation::Sync0 => bus_config::DcConfig::Sync0 {
-                cycle_ns: u32::try_from(self.cycle_ns).unwrap_or(u32::MAX),
-                shift_ns: self.sync0_shift_ns,
-            },
-            Synchronisation::SyncManagerEvent | Synchronisation::FreeRun => bus_config::DcConfig::Off,
-        }
-    }
-
-    /// By what a drive is synchronised.
-    pub(super) fn sync_mode(&self) -> bus_config::SyncMode {
-        match self.synchronisation {
-            Synchronisation::FreeRun => bus_config::SyncMode::FreeRun,
-            Synchronisation::SyncManagerEvent => bus_config::SyncMode::SyncManagerEvent,
-            Synchronisation::Sync0 => bus_config::SyncMode::Sync0,
+            Synchronisation::FreeRun => Some(bus_config::SyncMode::FreeRun),
+            Synchronisation::SyncManagerEvent => Some(bus_config::SyncMode::SyncManagerEvent),
+            Synchronisation::Sync0 => dc.and_then(DcPlan::sync_mode),
         }
     }
 }
@@ -109,8 +99,18 @@ pub struct ParameterPlan {
     pub subindex: u8,
     /// The value, little endian, as long as its type.
     pub data: Vec<u8>,
+    /// Whether one entry is written, or the whole object from this subindex.
+    pub access: SdoAccess,
     /// Whether it is read back and compared.
     pub read_back: ReadBack,
     /// Where it was asked, as `line 12`.
     pub origin: String,
+}
+
+impl ParameterPlan {
+    /// One entry, read back and compared.
+    pub(crate) fn entry((index, subindex): (u16, u8), data: Vec<u8>, origin: String) -> Self {
+        let (access, read_back) = (SdoAccess::Entry, ReadBack::Compare);
+        ParameterPlan { index, subindex, data, access, read_back, origin }
+    }
 }

@@ -1,6 +1,7 @@
 //! What a SubDevice that drives no wheel means once its table is resolved.
 
 use omnibase_ethercat::config as bus_config;
+use omnibase_ethercat::config::Timeouts;
 
 use super::axis_plan::AxisPlan;
 use super::bus_config::{bytes, expected_identity, matched};
@@ -9,6 +10,7 @@ use super::custom::Parameters;
 use super::device_tables::SignalType;
 use super::mapping::PdoPlan;
 use super::source_tables::SourcePlan;
+use super::start_plan::DcPlan;
 use crate::signals::{SignalLayout, SignalName};
 
 /// One SubDevice that drives no wheel.
@@ -22,8 +24,10 @@ pub struct DevicePlan {
     pub group: Option<String>,
     /// In which cycles its process data go.
     pub every: bus_config::Every,
-    /// Its SYNC0 against the cycle, ns; `None` where it has none of its own.
-    pub sync0_shift_ns: Option<i32>,
+    /// Events of its clock, an axis' in each cycle, others' in those of its process data; `None` where it has none.
+    pub dc: Option<DcPlan>,
+    /// The longest waits for it.
+    pub timeouts: Timeouts,
     /// Its kind by name.
     pub kind: String,
     /// Who must be there.
@@ -164,18 +168,6 @@ impl DevicePlan {
         tolerated.saturating_add(1).saturating_mul(self.every.cycles().into()) - 1
     }
 
-    /// A drive's set points act at the beat of the others; who is slow has a SYNC0 behind each of its own frames.
-    fn dc(&self, bus: &BusPlan) -> bus_config::DcConfig {
-        match self.sync0_shift_ns {
-            _ if self.axis.is_some() => bus.dc(),
-            Some(shift_ns) => bus_config::DcConfig::Sync0 {
-                cycle_ns: bus.cycle_ns as u32 * u32::from(self.every.cycles()),
-                shift_ns,
-            },
-            None => bus_config::DcConfig::Off,
-        }
-    }
-
     fn presence(&self) -> bus_config::Presence {
         self.group.as_deref().map_or_else(Default::default, |group| bus_config::Presence::Group(group.into()))
     }
@@ -202,8 +194,12 @@ impl DevicePlan {
             every: self.every,
             sdos: self.parameters.iter().map(ParameterPlan::sdo_write).collect(),
             watchdogs,
-            dc: self.dc(bus),
-            sync_mode: self.axis.is_some().then(|| bus.sync_mode()),
+            dc: self.dc.map_or(bus_config::DcConfig::Off, |dc| {
+                dc.config(bus.cycle_ns * u64::from(self.every.cycles()))
+            }),
+            assign_activate: self.dc.map(|dc| dc.assign_activate),
+            sync_mode: self.axis.as_ref().and_then(|_| bus.sync_mode(self.dc.as_ref())),
+            timeouts: self.timeouts,
             ..Default::default()
         }
     }

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 use super::axis_tables::AxisTable;
 use super::custom::Parameters;
 use super::drive_tables::{ParameterTable, PdoTable};
+use super::start_tables::{DcTable, TimeoutsTable};
 
 /// One SubDevice that drives no wheel: a coupler, a terminal, a sensor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -27,10 +28,10 @@ pub struct DeviceTable {
     /// Its process data go in each n-th cycle of the bus only; default: 1, in every one. Not a drive's.
     #[schemars(range(min = 1, max = 1000))]
     pub every: Option<u16>,
-    /// Its clock gives it a SYNC0 behind each frame with its data; default: false. Not an axis', which has the drives'.
-    pub sync0: Option<bool>,
-    /// When in the cycle, us; default: `bus.sync0_shift_us`.
-    pub sync0_shift_us: Option<i32>,
+    /// Events that its clock gives it behind each frame with its data; default: none, an axis' those of the drives.
+    pub dc: Option<DcTable>,
+    /// The longest waits for it.
+    pub timeouts: Option<TimeoutsTable>,
     /// What it is; it says which of the keys below are read.
     pub kind: Option<String>,
     /// Vendor that must be there, as `"0x2"`.

@@ -1,10 +1,13 @@
 //! A drive, resolved, and what it can be commanded by.
 
+use omnibase_ethercat::config::Timeouts;
+
 use super::bus_plan::{BusPlace, Identity, ParameterPlan};
 use super::custom::Parameters;
 use super::drive_mode::DriveMode;
 use super::drive_tables::{EncoderName, SpeedUnit, TurnDirection};
 use super::mapping::{PdoPlan, is_mapped};
+use super::start_plan::DcPlan;
 use super::torque_limit::TorqueLimit;
 use crate::signals::Quantity;
 
@@ -33,6 +36,10 @@ pub struct DrivePlan {
     pub torque_limit: TorqueLimit,
     /// What its encoder knows after a loss of supply.
     pub encoder: EncoderName,
+    /// Events of its clock; `None` where it has none.
+    pub dc: Option<DcPlan>,
+    /// The longest waits for it.
+    pub timeouts: Timeouts,
     /// SDOs in the order in which they are sent.
     pub parameters: Vec<ParameterPlan>,
     /// The device's own keys.

@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 
 use super::custom::Parameters;
 use super::drive_mode::DriveMode;
+use super::start_tables::{DcTable, TimeoutsTable};
 
 /// One drive and its motor.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -63,6 +64,10 @@ pub struct DriveTable {
     /// The objects that hold the drive to `limits.wheel_torque_nm`: in every cycle where they are mapped among
     /// `outputs`, else by SDO at start-up, read back; default: `max_torque`.
     pub torque_limit: Option<TorqueLimitName>,
+    /// Events of its clock with `bus.synchronisation = "sync0"`; default: a SYNC0 in each cycle.
+    pub dc: Option<DcTable>,
+    /// The longest waits for it.
+    pub timeouts: Option<TimeoutsTable>,
     /// SDOs written in PRE-OP and read back.
     pub parameters: Option<Vec<ParameterTable>>,
     /// A file of `[[parameter]]` tables, sent before `parameters`.
@@ -137,6 +142,8 @@ pub struct ParameterTable {
     pub value: Option<i64>,
     /// In place of `type` and `value`: bytes as they are sent, in hexadecimal, as `"6D6164652075702E"`.
     pub bytes: Option<String>,
+    /// Whether `bytes` are the whole object from this subindex (0 or 1), in one transfer; default: false.
+    pub complete_access: Option<bool>,
     /// Whether it is read back and compared; default: `compare`.
     pub read_back: Option<ReadBackChoice>,
 }

@@ -167,7 +167,7 @@ fn a_slow_terminal_has_a_sync0_of_its_own_period_and_place() {
         u64::from_le_bytes(bytes)
     };
     assert_eq!(number(&enabled(""), 0x0981, 1) & 0b11, 0, "none where nobody asks for one");
-    let bench = enabled("sync0 = true\nsync0_shift_us = 300\n");
+    let bench = enabled("dc = { sync0_shift_us = 300 }\n");
     assert_eq!(number(&bench, 0x0981, 1) & 0b11, 0b11, "cyclic operation and SYNC0");
     assert_eq!(number(&bench, 0x09A0, 4), EVERY * CYCLE_NS);
     assert_eq!(number(&bench, 0x0990, 8) % CYCLE_NS, 300_000);

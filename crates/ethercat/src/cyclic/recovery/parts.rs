@@ -4,7 +4,7 @@ use alloc::vec::Vec;
 
 use super::super::sync::Sync0;
 use super::SEARCH;
-use crate::config::{CyclicControl, DcConfig};
+use crate::config::DcConfig;
 use crate::start_up::{Refusal, StartUpStep};
 use crate::subdevice::{DcWidth, SubDevice};
 use crate::wire::{AlState, register};
@@ -64,15 +64,12 @@ pub(super) fn arming(subdevice: &SubDevice) -> Vec<StartUpStep> {
     let Some(Sync0 { cycle_ns, .. }) = Sync0::of(config.dc) else { return Vec::new() };
     let must = |what, register, data: &[u8]| registers(what, register, data, Refusal::IsError);
     let mut steps = Vec::from([must("SYNC off", register::DC_ACTIVATION, &[0])]);
-    if config.cyclic_control == CyclicControl::Write {
-        let refusal = Refusal::IsTolerated;
-        steps.push(registers("the SYNC unit", register::DC_CYCLIC_CONTROL, &[0], refusal));
-    }
+    let [control, activation] = config.assign_activate().to_le_bytes();
+    let refusal = Refusal::IsTolerated;
+    steps.push(registers("the SYNC unit", register::DC_CYCLIC_CONTROL, &[control], refusal));
     steps.push(must("the SYNC0 cycle", register::DC_SYNC0_CYCLE, &cycle_ns.to_le_bytes()));
-    let mut activation = 3;
     if let DcConfig::Sync0And1 { sync1_cycle_ns, .. } = config.dc {
         steps.push(must("the SYNC1 cycle", register::DC_SYNC1_CYCLE, &sync1_cycle_ns.to_le_bytes()));
-        activation = 7;
     }
     let is_short = subdevice.dc.is_some_and(|dc| dc.width == DcWidth::Bits32);
     let length = if is_short { 4 } else { 8 };

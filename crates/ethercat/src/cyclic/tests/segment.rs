@@ -28,7 +28,8 @@ pub fn members(count: u16) -> Vec<Member> {
         op_only: Vec::new(),
         clock: Some(DcWidth::Bits64),
         sync: DcConfig::Sync0 { cycle_ns: 1_000_000, shift_ns: 0 },
-        cyclic_control: CyclicControl::Write,
+        assign_activate: 0x0300,
+        timeouts: Timeouts::default(),
     };
     (0..count).map(member).collect()
 }

@@ -67,7 +67,7 @@ fn an_emergency_between_request_and_answer_does_not_end_the_request() {
         if number == 0 { Some(vec![0x00, 0x10, 0x20, 0xFF, 0x01, 1, 2, 3, 4, 5]) } else { Some(data) }
     });
     let mut request = upload(0x2000, 4);
-    request.timeout = Duration::from_millis(5);
+    request.timeout = Some(Duration::from_millis(5));
     let up = run(&mut mailbox, &mut server, request);
     assert!(matches!(up.result, Err(MailboxError::Timeout { waiting: Waiting::Answer, .. })));
     assert_eq!(mailbox.emergencies().len(), 1);

@@ -13,6 +13,7 @@ pub fn config() -> MailboxConfig {
         write: MemoryArea { start: WRITE, length: SIZE },
         read: MemoryArea { start: READ, length: SIZE },
         protocols: 4,
+        answer_timeout: DEFAULT_TIMEOUT,
     }
 }
 

@@ -1,7 +1,8 @@
 //! Which cycle a robot's frames fit into, as far as its file tells: lengths of process data, and how many SubDevices.
 
-use omnibase_ethercat::config::{CyclicControl, DcConfig, Every, LrwPermission};
+use omnibase_ethercat::config::{DcConfig, Every, LrwPermission, Timeouts};
 use omnibase_ethercat::image::{Area, ClockUse, CycleFit, ImagePlan, Member, Packing};
+use omnibase_ethercat::mailbox::DEFAULT_TIMEOUT;
 use omnibase_ethercat::subdevice::{DcWidth, Direction, MailboxConfig, MemoryArea};
 use omnibase_ethercat::wire::sii::PROTOCOL_COE;
 use omnibase_robot::RobotPlan;
@@ -50,12 +51,14 @@ fn fit(plan: &RobotPlan) -> Option<CycleFit> {
                     write: memory(0x1000),
                     read: memory(0x1400),
                     protocols: PROTOCOL_COE,
+                    answer_timeout: DEFAULT_TIMEOUT,
                 }),
                 every,
                 op_only: Vec::new(),
                 clock: Some(DcWidth::Bits64),
                 sync: DcConfig::Off,
-                cyclic_control: CyclicControl::Write,
+                assign_activate: 0,
+                timeouts: Timeouts::default(),
             }
         })
         .collect();

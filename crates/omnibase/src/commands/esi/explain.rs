@@ -1,6 +1,7 @@
 //! Files and devices in words.
 
-use super::table::{coe_words, synchronisation};
+use super::clocks::synchronisation;
+use super::table::coe_words;
 use omnibase_esi::model::{Pdo, SmUse, number};
 use omnibase_esi::{Assembly, EsiFile, Module, Notes, Why};
 use std::io::{self, Write};

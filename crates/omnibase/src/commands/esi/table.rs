@@ -1,7 +1,8 @@
 //! A device's table for a robot's file.
 
+use super::clocks;
 use crate::robot_table::{RobotTable, TO_FILL, plain_name};
-use omnibase_esi::model::{Coe, DcMode, Pdo, PdoEntry};
+use omnibase_esi::model::{Coe, Pdo, PdoEntry};
 use omnibase_esi::{Assembly, Command, CommandSource, Device, EsiFile};
 use std::fmt::Write;
 
@@ -55,6 +56,8 @@ pub fn of(file: &EsiFile, assembly: &Assembly) -> String {
         "this file's: leave the line out where a newer one fits too",
         &mut table,
     );
+    clocks::modes(device, is_drive, &mut table);
+    timeouts(device, &mut table);
     for (key, pdos) in [("outputs", &maps[0]), ("inputs", &maps[1])] {
         pdo_lines(key, pdos, device, &mut table);
     }
@@ -77,20 +80,6 @@ fn identity(key: &str, number: Option<u32>, reason: &str, table: &mut RobotTable
 
 /// What the file says that a robot's file has no key for.
 fn hints(device: &Device, table: &mut RobotTable) {
-    for mode in &device.dc_modes {
-        table.comment(&format!("Synchronisation: {}.", synchronisation(mode)));
-    }
-    let times = &device.timeouts;
-    let known = [
-        ("to PRE-OP", times.pre_op_ms),
-        ("to SAFE-OP and OP", times.safe_op_op_ms),
-        ("mailbox answers", times.response_ms),
-    ];
-    let known = known.iter().filter_map(|(what, time)| time.map(|time| format!("{what} {time} ms")));
-    let known: Vec<String> = known.collect();
-    if !known.is_empty() {
-        table.comment(&format!("Times that it may take: {}.", known.join(", ")));
-    }
     for (number, manager) in device.sync_managers.iter().enumerate() {
         let flags = [(manager.is_virtual, "virtual: never switched on"), (manager.op_only, "on in OP alone")];
         for (_, words) in flags.iter().filter(|(there, _)| *there) {
@@ -113,34 +102,19 @@ fn hints(device: &Device, table: &mut RobotTable) {
     }
 }
 
-/// A mode of synchronisation in words, and what follows for `[bus]`.
-pub fn synchronisation(mode: &DcMode) -> String {
-    let name = if mode.name.is_empty() { mode.description.english() } else { &mode.name };
-    if mode.is_unclear {
-        return format!("\"{name}\" has a number that can't be read: LOOK AT THIS in the maker's file");
-    }
-    let sync = |times: &omnibase_esi::model::SyncTimes, of: &str| {
-        let cycle = match (times.cycle_ns, times.factor) {
-            (0, Some(factor)) if factor < 0 => format!("{of} / {}", -factor),
-            (0, factor) => format!("{of} x {}", factor.unwrap_or(1)),
-            (cycle, _) => format!("{cycle} ns"),
-        };
-        format!("cycle {cycle}, shift {} ns", times.shift_ns)
-    };
-    let activate = mode.assign_activate;
-    match (activate & 0x0100 != 0, activate & 0x0400 != 0) {
-        (false, _) => format!("\"{name}\" without SYNC (AssignActivate 0x{activate:04X})"),
-        (true, false) => {
-            format!(
-                "\"{name}\" with SYNC0 (AssignActivate 0x{activate:04X}): {}; `bus.synchronisation = \"sync0\"`",
-                sync(&mode.sync0, "bus cycle")
-            )
-        }
-        (true, true) => format!(
-            "\"{name}\" with SYNC0 and SYNC1 (AssignActivate 0x{activate:04X}): SYNC0 {}, SYNC1 {}",
-            sync(&mode.sync0, "bus cycle"),
-            sync(&mode.sync1, "SYNC0")
-        ),
+/// The longest waits, as its maker gives them.
+fn timeouts(device: &Device, table: &mut RobotTable) {
+    let times = &device.timeouts;
+    let all = [
+        ("init_ms", times.back_to_init_ms),
+        ("pre_op_ms", times.pre_op_ms),
+        ("safe_op_op_ms", times.safe_op_op_ms),
+        ("mailbox_ms", times.response_ms),
+    ];
+    let known = all.iter().filter_map(|(key, time)| time.filter(|time| *time > 0).map(|time| (key, time)));
+    let known: Vec<String> = known.map(|(key, time)| format!("{key} = {time}")).collect();
+    if !known.is_empty() {
+        table.line(&format!("timeouts = {{ {} }}", known.join(", ")), "the longest that it may take");
     }
 }
 
@@ -191,19 +165,14 @@ fn parameters(commands: &[Command], table: &mut RobotTable) {
     for Command { command, source } in commands {
         let data = &command.data;
         let value = match data.len() {
+            _ if command.complete_access => format!("bytes = \"{}\", complete_access = true", hex(data)),
             1 => format!("type = \"u8\", value = {}", data[0]),
             2 => format!("type = \"u16\", value = {}", u16::from_le_bytes([data[0], data[1]])),
             4 => format!(
                 "type = \"u32\", value = {}",
                 u32::from_le_bytes([data[0], data[1], data[2], data[3]])
             ),
-            _ => {
-                let digits = data.iter().fold(String::new(), |mut digits, byte| {
-                    let _ = write!(digits, "{byte:02X}");
-                    digits
-                });
-                format!("bytes = \"{digits}\"")
-            }
+            _ => format!("bytes = \"{}\"", hex(data)),
         };
         let object = match command.subindex {
             0 => format!("0x{:04X}", command.index.index),
@@ -222,6 +191,13 @@ fn parameters(commands: &[Command], table: &mut RobotTable) {
         table.line(&line, &format!("{}, {source}{at}{comment}", command.transitions.join(" ")));
     }
     table.line("]", "");
+}
+
+fn hex(data: &[u8]) -> String {
+    data.iter().fold(String::new(), |mut digits, byte| {
+        let _ = write!(digits, "{byte:02X}");
+        digits
+    })
 }
 
 /// What only the motor's plate and the drive tell.

@@ -1,0 +1,159 @@
+//! What somebody should look at before a device is used as its file says.
+
+use std::fmt;
+
+/// What somebody should look at before the device is used as its file says.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Doubt {
+    /// Two PDOs that are assigned by default exclude each other: the second one is left out.
+    Excluded {
+        /// The one that stays.
+        stays: u16,
+        /// The one that is left out.
+        left_out: u16,
+    },
+    /// A PDO that must be assigned has no SyncManager in the file.
+    MandatoryWithoutSyncManager {
+        /// The PDO.
+        pdo: u16,
+        /// The SyncManager that it gets.
+        sync_manager: u8,
+    },
+    /// The device has PDOs and none of them is assigned by default.
+    NoDefault {
+        /// `RxPdo` or `TxPdo`.
+        kind: &'static str,
+        /// PDOs of which some may be chosen.
+        count: usize,
+    },
+    /// A PDO is assigned to a SyncManager that isn't one of its direction.
+    WrongSyncManager {
+        /// The PDO.
+        pdo: u16,
+        /// The SyncManager.
+        sync_manager: u8,
+    },
+    /// A PDO of an index that another one has, too: the second one is left out.
+    SamePdo {
+        /// The PDO.
+        pdo: u16,
+        /// Line of the one that is left out.
+        line: u32,
+    },
+    /// Modules in two slots have a PDO or an object in common.
+    SameIndices {
+        /// Slots, from 1.
+        slots: [usize; 2],
+        /// The PDO or the object that is mapped.
+        index: u16,
+    },
+    /// Numbers of a PDO can't be read: what it maps isn't known.
+    UnclearPdo {
+        /// The PDO.
+        pdo: u16,
+        /// Its line.
+        line: u32,
+    },
+    /// A command without data.
+    NoData {
+        /// Line of the command.
+        line: u32,
+        /// Object.
+        index: u16,
+    },
+    /// A command that writes a whole object at once, but for its beginning.
+    CompleteAccess {
+        /// Line of the command.
+        line: u32,
+        /// Object.
+        index: u16,
+        /// From where on.
+        subindex: u8,
+    },
+    /// What belongs into the EEPROM is longer than the file says that it is.
+    EepromTooSmall {
+        /// Bytes by the file.
+        says: u32,
+        /// Bytes of the content.
+        needs: usize,
+    },
+    /// Commands of protocols that aren't spoken here.
+    ForeignCommands {
+        /// How many.
+        count: u32,
+    },
+    /// A command has more bytes than the file's own dictionary gives its object.
+    LongerThanItsObject {
+        /// Line of the command.
+        line: u32,
+        /// Object.
+        index: u16,
+        /// Bytes of the command.
+        bytes: usize,
+        /// Bytes of the object's type.
+        given: usize,
+    },
+    /// A command that is sent at another change of state than ours are sent at.
+    OtherTransition {
+        /// Line of the command.
+        line: u32,
+        /// Its changes of state.
+        transitions: String,
+    },
+}
+
+impl fmt::Display for Doubt {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Doubt::Excluded { stays, left_out } => write!(
+                f,
+                "0x{stays:04X} and 0x{left_out:04X} exclude each other and both are assigned by default: 0x{left_out:04X} is left out"
+            ),
+            Doubt::MandatoryWithoutSyncManager { pdo, sync_manager } => write!(
+                f,
+                "0x{pdo:04X} is mandatory and the file assigns it to no SyncManager: SyncManager {sync_manager} is taken, the first of its direction"
+            ),
+            Doubt::NoDefault { kind, count } => {
+                write!(f, "none of its {count} {kind}s is assigned by default: choose which you need")
+            }
+            Doubt::WrongSyncManager { pdo, sync_manager } => {
+                write!(
+                    f,
+                    "0x{pdo:04X} is assigned to SyncManager {sync_manager}, which the file doesn't have for its direction"
+                )
+            }
+            Doubt::SamePdo { pdo, line } => {
+                write!(f, "0x{pdo:04X} stands there twice: the one of line {line} is left out")
+            }
+            Doubt::SameIndices { slots: [one, other], index } => write!(
+                f,
+                "the modules in slots {one} and {other} both have 0x{index:04X}: the file doesn't tell them apart"
+            ),
+            Doubt::UnclearPdo { pdo, line } => {
+                write!(f, "numbers of 0x{pdo:04X} in line {line} can't be read: what it maps isn't known")
+            }
+            Doubt::NoData { line, index } => {
+                write!(f, "the command of line {line} to 0x{index:04X} has no data: it isn't sent")
+            }
+            Doubt::CompleteAccess { line, index, subindex } => write!(
+                f,
+                "the command of line {line} writes 0x{index:04X} at once from subindex {subindex} on (complete access), which begins at 0 or 1: it isn't sent; write its entries one by one where the device takes them so"
+            ),
+            Doubt::EepromTooSmall { says, needs } => write!(
+                f,
+                "its file says that the EEPROM has {says} bytes, and what belongs into it takes {needs}: it doesn't fit"
+            ),
+            Doubt::ForeignCommands { count } => {
+                write!(f, "{count} commands of EoE or SoE aren't sent: these protocols aren't spoken here")
+            }
+            Doubt::LongerThanItsObject { line, index, bytes, given } => write!(
+                f,
+                "the command of line {line} writes {bytes} bytes to 0x{index:04X}, for which the file's dictionary has {given}: a device may refuse it"
+            ),
+            Doubt::OtherTransition { line, transitions } => write!(
+                f,
+                "the command of line {line} is for {transitions}: it isn't sent, for commands are sent in PRE-OP (IP, PS)"
+            ),
+        }
+    }
+}
