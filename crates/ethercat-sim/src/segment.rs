@@ -16,6 +16,7 @@ use omnibase_ethercat_wire::frame::{
     DATAGRAM_HEADER, DATAGRAM_OVERHEAD, Datagrams, FrameError, MIN_FRAME, PROCESSED_BIT,
 };
 use omnibase_ethercat_wire::{Command, HostTime};
+pub(crate) use topology::frame_order;
 use topology::{Cable, Cables, FramePath, Plug, Ports};
 
 /// Time of a byte on a 100 Mbit/s cable, ns.
@@ -140,7 +141,10 @@ impl Segment {
 
     /// Whether the MainDevice's own cable has a link.
     pub fn link_up(&self) -> bool {
-        self.cables.cables.first().is_some_and(|cable| PortView(&self.sub_devices).carries(cable))
+        self.cables
+            .cables
+            .get(self.cables.primary)
+            .is_some_and(|cable| PortView(&self.sub_devices).carries(cable))
     }
 
     /// A hand on this segment for when it is behind a link.
@@ -212,7 +216,7 @@ impl Segment {
     /// there is none.
     pub fn main_plug(&self, port: MainPort) -> Option<(usize, u8)> {
         let cable = match port {
-            MainPort::Primary => self.cables.cables.first(),
+            MainPort::Primary => self.cables.cables.get(self.cables.primary),
             MainPort::Redundant => self.cables.ring.and_then(|index| self.cables.cables.get(index)),
         };
         cable.map(|cable| (cable.lower.position, cable.lower.port))

@@ -12,7 +12,8 @@
 //! cable_delay_ns = 100       # of the cable to its parent
 //! parent = "hub"             # default: the one before
 //! port = 2                   # of the parent, default: its first free one
-//! entry_port = 1             # its own one by which frames come in, default 0; another one is IN and OUT swapped
+//! entry_port = 1             # its own one by which frames come in, default 0; another one is IN and OUT swapped, and
+//!                            # frames pass it behind all that hang on it: so positions count
 //! count = 20                 # so many of them in a line; names, aliases and serials count up
 //! dc_offset_step_ns = 1000   # with count: each has so much more than the one before
 //! dc_drift_spread_ppm = 50.0 # with count: drifts spread evenly within ± this
@@ -171,7 +172,7 @@ fn read_entry(mut entry: TableReader, document: &mut Document, sub_devices: &mut
     let drift = entry.number("dc_drift_ppm", -1000.0..=1000.0, document).unwrap_or(0.0);
     let spread = entry.number("dc_drift_spread_ppm", 0.0..=1000.0, document).unwrap_or(0.0);
     let delay = entry.integer("cable_delay_ns", 0..=1_000_000, document);
-    let port = entry.integer("port", 1..=3, document).map(|port| port as u8);
+    let port = entry.integer("port", 0..=3, document).map(|port| port as u8);
     let entry_port = entry.integer("entry_port", 0..=3, document).unwrap_or(0) as u8;
     let parent = entry.text("parent", document);
     let socket = read_socket(&mut entry, count, document);

@@ -10,13 +10,11 @@ use crate::bus::Bus;
 use crate::error::{DcError, SetUpError};
 use crate::start_up::{Refusal, StartUpStep};
 use crate::subdevice::{DcClock, DcWidth, Parent, Port, SubDevice};
-use crate::topology;
+use crate::topology::{self, BRANCH_LIMIT_NS};
 use crate::transaction::{Access, Expect};
 use crate::wire::bytes::{u32_at, u64_at};
 use crate::wire::{Clock, Link, register};
 
-/// A frame is never longer than this in one branch: a thousand SubDevices at about a microsecond both ways.
-const BRANCH_LIMIT_NS: u32 = 10_000_000;
 /// How far a branch may seem shorter than what is in it: the granularity of the latches.
 const TOLERANCE_NS: u32 = 400;
 /// Filter depths (0x0934): speed counter 12, system time difference 0.
@@ -147,6 +145,12 @@ pub fn steps(clock: &DcClock) -> Vec<StartUpStep> {
     ])
 }
 
+/// The broadcast write that lets each of so many clocks keep the times at which it passes their ports.
+pub(crate) fn latch(clocks: usize) -> Access {
+    let expect = Expect::AtLeast(clocks as u16);
+    Access::broadcast_write("latching the receive times", register::DC_RECEIVE_TIMES, &[0; 4], expect)
+}
+
 impl<L: Link, C: Clock> Bus<L, C> {
     /// Measures all delays and sets all clocks to the host's time, so that they run together from here on.
     ///
@@ -157,13 +161,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
         if with_clock.is_empty() {
             return Ok(());
         }
-        let expect = Expect::AtLeast(with_clock.len() as u16);
-        self.transactor.perform_one(Access::broadcast_write(
-            "latching the receive times",
-            register::DC_RECEIVE_TIMES,
-            &[0; 4],
-            expect,
-        ))?;
+        self.transactor.perform_one(latch(with_clock.len()))?;
         let now = self.transactor.clock.now();
         let mut reads = Vec::with_capacity(2 * with_clock.len());
         for &number in &with_clock {

@@ -7,6 +7,7 @@ use alloc::vec::Vec;
 use core::time::Duration;
 
 use crate::bus::{Bus, MAX_SUBDEVICES, Warning};
+use crate::clock_setup;
 use crate::config::SubDeviceConfig;
 use crate::eeprom::{EepromError, EepromFailure, SiiExtent, SiiReader};
 use crate::error::{NoSubDevices, SetUpError};
@@ -14,10 +15,10 @@ use crate::found::Found;
 use crate::start_up::StartUpList;
 use crate::state::{Application, StateChange};
 use crate::subdevice::{DcClock, DcWidth, Esc, Port, SubDevice};
-use crate::topology;
+use crate::topology::{self, TopologyError};
 use crate::transaction::{Access, Expect, Target};
 use crate::trouble;
-use crate::wire::bytes::u16_at;
+use crate::wire::bytes::{u16_at, u32_at};
 use crate::wire::sii::{self, Image};
 use crate::wire::{AlState, Clock, Link, LinkError, register};
 
@@ -77,6 +78,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
         self.wait_for_init(&identified)?;
         self.reset_registers(&identified)?;
         let ports: Vec<_> = identified.iter().map(|one| one.ports).collect();
+        self.find_swapped(&identified)?;
         let parents = topology::find_parents(&ports)?;
         let images = self.read_images(&targets)?;
         for ((one, (image, broken)), parent) in identified.into_iter().zip(images).zip(parents) {
@@ -332,6 +334,30 @@ impl<L: Link, C: Clock> Bus<L, C> {
             clocks,
         );
         self.transactor.perform(&mut writes)
+    }
+
+    /// Cables that are swapped in the middle of the segment: ports alone don't show them, and the tree would be another one.
+    fn find_swapped(&mut self, identified: &[Identified]) -> Result<(), SetUpError> {
+        let clocks: Vec<&Identified> =
+            identified.iter().filter(|one| DcWidth::of(&one.esc).is_some()).collect();
+        if clocks.is_empty() {
+            return Ok(());
+        }
+        let latch = clock_setup::latch(clocks.len());
+        self.transactor.perform_one(latch)?;
+        let read = |one: &&Identified| {
+            Access::read("reading the receive times", one.target, register::DC_RECEIVE_TIMES, 16)
+        };
+        let mut reads: Vec<Access> = clocks.iter().map(read).collect();
+        self.transactor.perform(&mut reads)?;
+        for (one, read) in clocks.iter().zip(&reads) {
+            let times_ns = core::array::from_fn(|port| u32_at(&read.data, 4 * port));
+            if let Some(port) = topology::swapped_port(&one.ports, times_ns) {
+                let position = one.target.position;
+                return Err(TopologyError::Swapped { position, port, alias: one.alias }.into());
+            }
+        }
+        Ok(())
     }
 
     fn read_images(&mut self, targets: &[Target]) -> Result<Vec<(Image, Option<String>)>, SetUpError> {

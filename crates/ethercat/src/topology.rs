@@ -8,6 +8,9 @@ use crate::subdevice::{Parent, Port, PortKind};
 /// The order in which a frame passes the ports of a controller (ETG.1000.4, "Frame processing order").
 pub const PORT_ORDER: [u8; 4] = [0, 3, 1, 2];
 
+/// A frame is never longer than this in one branch: a thousand SubDevices at about a microsecond both ways.
+pub(crate) const BRANCH_LIMIT_NS: u32 = 10_000_000;
+
 /// Reads the ports from the port descriptor (0x0007) and DL status (0x0110).
 pub fn read_ports(descriptor: u8, dl_status: u16) -> [Port; 4] {
     core::array::from_fn(|port| Port {
@@ -36,6 +39,15 @@ pub fn exit_ports(ports: &[Port; 4]) -> impl Iterator<Item = u8> + '_ {
         .filter(|&port| ports[usize::from(port)].communicates)
 }
 
+/// The port that frames reach before port 0, by the local times at which one and the same frame passed the ports (registers
+/// 0x0900 to 0x090F), where others hang on port 0.
+pub fn swapped_port(ports: &[Port; 4], times_ns: [u32; 4]) -> Option<u8> {
+    let communicates = |port: &u8| ports[usize::from(*port)].communicates;
+    let ahead = |port: &u8| times_ns[0].wrapping_sub(times_ns[usize::from(*port)]);
+    let others = PORT_ORDER.into_iter().skip(1).filter(communicates);
+    others.filter(|port| communicates(&0) && (1..=BRANCH_LIMIT_NS).contains(&ahead(port))).max_by_key(ahead)
+}
+
 /// Why the ports don't make a tree.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TopologyError {
@@ -51,6 +63,15 @@ pub enum TopologyError {
         /// The SubDevice.
         position: u16,
     },
+    /// Frames come to another port than 0, and leave by port 0 to others.
+    Swapped {
+        /// The SubDevice.
+        position: u16,
+        /// The port to which they come.
+        port: u8,
+        /// Its alias, where it has one.
+        alias: Option<u16>,
+    },
 }
 
 impl fmt::Display for TopologyError {
@@ -64,8 +85,20 @@ impl fmt::Display for TopologyError {
             TopologyError::NoParent { position } => write!(
                 f,
                 "SubDevice {position} answers, but no SubDevice before it has an open port left for it \
-                 (a link came or went during the scan?)"
+                 (a link came or went during the scan? are IN and OUT swapped of one that has no clock?)"
             ),
+            TopologyError::Swapped { position, port, alias } => {
+                write!(f, "SubDevice {position}")?;
+                if let Some(alias) = alias {
+                    write!(f, " (alias {alias})")?;
+                }
+                write!(
+                    f,
+                    ": frames reach its port {port} before its port 0: its cables are swapped (IN and OUT). They pass it behind \
+                     all that hang on it, so that positions aren't the order of the cables; plug the cable from the \
+                     MainDevice into IN"
+                )
+            }
         }
     }
 }
@@ -132,6 +165,18 @@ mod tests {
     fn a_tree_is_walked_by_ports_3_1_2() {
         let tree: &[&[usize]] = &[&[0, 1, 2, 3], &[0], &[0, 1], &[0], &[0]];
         assert_eq!(parents(tree), Ok(vec![None, Some((0, 3)), Some((0, 1)), Some((2, 1)), Some((0, 2))]));
+    }
+
+    #[test]
+    fn who_is_reached_at_another_port_first_is_swapped() {
+        let both = ports(&[0, 1]);
+        assert_eq!(swapped_port(&both, [5000, 9000, 0, 0]), None, "port 1 is where the frame comes back");
+        assert_eq!(swapped_port(&both, [9000, 5000, 0, 0]), Some(1));
+        // Times of 32 bits turn over; a closed port says nothing, nor does what isn't of the same frame.
+        assert_eq!(swapped_port(&both, [1000, 0xFFFF_FF00, 0, 0]), Some(1));
+        assert_eq!(swapped_port(&both, [9000, 9000, 5000, 5000]), None);
+        assert_eq!(swapped_port(&both, [20_000_000, 5000, 0, 0]), None);
+        assert_eq!(swapped_port(&ports(&[1]), [9000, 5000, 0, 0]), None, "the last one makes no other tree");
     }
 
     #[test]

@@ -60,13 +60,11 @@ pub enum TopologyError {
         /// The port.
         port: u8,
     },
-    /// The first SubDevice, and only it, hangs on the MainDevice.
-    #[error(
-        "the SubDevice at position {position} must not be attached to the MainDevice, only position 0 is, and it must be"
-    )]
+    /// One SubDevice hangs on the MainDevice.
+    #[error("one SubDevice is attached to the MainDevice, found {found}")]
     MainDeviceCable {
-        /// Position of the SubDevice.
-        position: usize,
+        /// How many are.
+        found: usize,
     },
     /// No frame gets there: its cables don't lead to the MainDevice.
     #[error("no cables lead from the MainDevice to the SubDevice at position {position}")]
@@ -117,6 +115,8 @@ pub(crate) struct Cables {
     pub cables: Vec<Cable>,
     /// Index of the cable in each port of each SubDevice.
     pub at: Vec<[Option<usize>; 4]>,
+    /// The cable to the MainDevice's first interface.
+    pub primary: usize,
     /// The cable that closes a ring.
     pub ring: Option<usize>,
 }
@@ -127,6 +127,11 @@ impl Cables {
         attachments: &[Attachment],
         has_port: impl Fn(usize, u8) -> bool,
     ) -> Result<Self, TopologyError> {
+        let found = attachments.iter().filter(|one| one.parent == Parent::MainDevice).count();
+        if found != usize::from(!attachments.is_empty()) {
+            return Err(TopologyError::MainDeviceCable { found });
+        }
+        let mut primary = 0;
         let mut at = vec![[None; 4]; attachments.len()];
         let mut cables = Vec::with_capacity(attachments.len());
         let mut plug_in = |plug: Plug, cable: usize| {
@@ -141,10 +146,9 @@ impl Cables {
         };
         for (position, attachment) in attachments.iter().enumerate() {
             let upper = match attachment.parent {
-                Parent::MainDevice if position == 0 => None,
-                Parent::MainDevice => return Err(TopologyError::MainDeviceCable { position }),
-                Parent::SubDevice { .. } if position == 0 => {
-                    return Err(TopologyError::MainDeviceCable { position });
+                Parent::MainDevice => {
+                    primary = cables.len();
+                    None
                 }
                 Parent::SubDevice { position: parent, .. }
                     if parent >= attachments.len() || parent == position =>
@@ -160,8 +164,42 @@ impl Cables {
             }
             cables.push(Cable { upper, lower, delay_ns: attachment.cable_delay_ns, cut: false });
         }
-        Ok(Cables { cables, at, ring: None })
+        Ok(Cables { cables, at, primary, ring: None })
     }
+}
+
+/// Ports that are open where a cable is plugged in, and cables that carry all.
+struct Plugged<'a>(&'a Cables);
+
+impl Ports for Plugged<'_> {
+    fn closed(&self, plug: Plug) -> bool {
+        self.0.at[plug.position][usize::from(plug.port)].is_none()
+    }
+
+    fn carries(&self, _cable: &Cable) -> bool {
+        true
+    }
+
+    fn forward_delay_ns(&self, _position: usize) -> u64 {
+        0
+    }
+}
+
+/// SubDevices in the order in which a frame passes their processing units: one whose IN and OUT are swapped comes behind
+/// all that hang on it.
+pub(crate) fn frame_order(
+    attachments: &[Attachment],
+    has_port: impl Fn(usize, u8) -> bool,
+) -> Result<Vec<usize>, TopologyError> {
+    let cables = Cables::new(attachments, has_port)?;
+    let path = FramePath::follow(&cables, &Plugged(&cables), MainPort::Primary);
+    let mut order: Vec<usize> = Vec::with_capacity(attachments.len());
+    for passage in path.passages {
+        if !order.contains(&passage.position) {
+            order.push(passage.position);
+        }
+    }
+    Ok(order)
 }
 
 /// A frame's arrival at a port.
@@ -209,7 +247,7 @@ impl FramePath {
     pub fn follow(cables: &Cables, ports: &impl Ports, from: MainPort) -> FramePath {
         let mut way = FramePath::default();
         let first = match from {
-            MainPort::Primary => Some(0),
+            MainPort::Primary => Some(cables.primary),
             MainPort::Redundant => cables.ring,
         };
         let first = first.and_then(|index| cables.cables.get(index));

@@ -7,6 +7,7 @@ use crate::device::esi;
 use crate::device::generic::Generic;
 use crate::device::simple;
 use crate::pdi_socket::{Pace, SocketApplication};
+use crate::segment::{TopologyError, frame_order};
 use crate::{Attachment, Parent, Segment, SubDevice};
 use core::time::Duration;
 use omnibase_ethercat_wire::sii::ImageTooShort;
@@ -16,6 +17,8 @@ use std::path::Path;
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Ports in the order in which free ones are taken.
 const PORTS: [u8; 3] = [1, 2, 3];
+/// The same where frames come in by another one than 0.
+const PORTS_SWAPPED: [u8; 4] = [0, 1, 2, 3];
 
 impl SegmentFile {
     /// The segment; images are looked for in `base_dir`. Every servo has a motor of its own, and foreign firmware runs in
@@ -56,7 +59,7 @@ impl SegmentFile {
         if problems.is_empty() {
             let attachments = self.attachments(&sub_devices, &mut problems);
             if problems.is_empty() {
-                match Segment::new(sub_devices, attachments) {
+                match in_frame_order(sub_devices, attachments).and_then(|(all, how)| Segment::new(all, how)) {
                     Ok(segment) => return Ok(segment),
                     Err(error) => problems.push(Mistake { line: 1, column: 1, text: error.to_string() }),
                 }
@@ -77,8 +80,10 @@ impl SegmentFile {
                 None => Parent::MainDevice,
                 Some(position) => {
                     let config = sub_devices[position].esc().config();
+                    let is_swapped = self.sub_devices[position].plug.entry_port != 0;
+                    let candidates: &[u8] = if is_swapped { &PORTS_SWAPPED } else { &PORTS };
                     let free = |port: &u8| config.has_port(*port) && !taken[position][usize::from(*port)];
-                    let port = entry.plug.port.or_else(|| PORTS.into_iter().find(|port| free(port)));
+                    let port = entry.plug.port.or_else(|| candidates.iter().copied().find(free));
                     let Some(port) = port else {
                         let name = &self.sub_devices[position].name;
                         problems.push(problem(entry, format!("\"{name}\" has no free port")));
@@ -100,6 +105,32 @@ impl SegmentFile {
         }
         attachments
     }
+}
+
+/// A file lists SubDevices as cables lead to them; positions are given in the order in which frames pass, where swapped
+/// cables make another one of it.
+fn in_frame_order(
+    sub_devices: Vec<SubDevice>,
+    attachments: Vec<Attachment>,
+) -> Result<(Vec<SubDevice>, Vec<Attachment>), TopologyError> {
+    if attachments.iter().all(|attachment| attachment.entry_port == 0) {
+        return Ok((sub_devices, attachments));
+    }
+    let order =
+        frame_order(&attachments, |position, port| sub_devices[position].esc().config().has_port(port))?;
+    let place = |listed: usize| order.iter().position(|one| *one == listed).unwrap_or(listed);
+    let moved = order.iter().map(|listed| {
+        let attachment = attachments[*listed];
+        let parent = match attachment.parent {
+            Parent::SubDevice { position, port } => Parent::SubDevice { position: place(position), port },
+            Parent::MainDevice => Parent::MainDevice,
+        };
+        Attachment { parent, ..attachment }
+    });
+    let moved = moved.collect();
+    let mut places: Vec<Option<SubDevice>> = sub_devices.into_iter().map(Some).collect();
+    let all = order.iter().filter_map(|listed| places[*listed].take()).collect();
+    Ok((all, moved))
 }
 
 fn problem(entry: &SubDeviceEntry, text: String) -> Mistake {

@@ -65,8 +65,8 @@ fn wrong_segments_are_refused_by_name() {
     assert_eq!(new(vec![ROOT, on(0, 0)]), TopologyError::PortTaken { position: 0, port: 0 });
     assert_eq!(new(vec![ROOT, on(0, 4)]), TopologyError::NoSuchPort { position: 0, port: 4 });
     assert_eq!(new(vec![ROOT, on(7, 1)]), TopologyError::NoSuchParent { position: 1, parent: 7 });
-    assert_eq!(new(vec![ROOT, ROOT]), TopologyError::MainDeviceCable { position: 1 });
-    assert_eq!(new(vec![on(1, 1), ROOT]), TopologyError::MainDeviceCable { position: 0 });
+    assert_eq!(new(vec![ROOT, ROOT]), TopologyError::MainDeviceCable { found: 2 });
+    assert_eq!(new(vec![on(1, 1), on(0, 1)]), TopologyError::MainDeviceCable { found: 0 });
     assert_eq!(new(vec![ROOT, on(2, 1), on(1, 1)]), TopologyError::Unreachable { position: 1 });
     let two_ports = EscConfig { port_descriptor: 0x0F, ..EscConfig::default() };
     let error =

@@ -3,7 +3,8 @@
 use crate::segment::{obedient, recorded_sii};
 use omnibase_ethercat::wire::{Clock, HostTime};
 use omnibase_ethercat::{Bus, BusOptions, SetUpError, Warning};
-use omnibase_ethercat_sim::{Attachment, EscConfig, Parent, Segment, in_process};
+use omnibase_ethercat_sim::{Attachment, EscConfig, Parent, Segment, SegmentFile, in_process};
+use std::path::Path;
 
 #[test]
 fn a_line_of_recorded_devices_is_found_and_named() {
@@ -39,6 +40,50 @@ fn a_thousand_subdevices_are_found() {
     println!("PRE-OP at {:?}", clock.now());
     assert!(clock.now() < HostTime(60_000_000_000));
     println!("{:?}", bus.transactor().counters);
+}
+
+#[test]
+fn one_whose_in_and_out_are_swapped_is_named() {
+    let scan = |segment: Segment| {
+        let (link, clock) = in_process(segment);
+        let mut bus = Bus::new(link, clock, BusOptions::default());
+        let found = bus.scan().map(|found| found.len());
+        (found.map_err(|error| error.to_string()), format!("{:?}", bus.warnings()))
+    };
+    // In the middle of a line ports don't make a tree.
+    let line = |swapped: usize, last: &str| {
+        let one = |n: usize| {
+            let entry = if n == swapped { "entry_port = 1\n" } else { "" };
+            format!("[[subdevice]]\nkind = \"servo\"\nalias = {}\n{entry}", n + 1)
+        };
+        let text = (0..4).map(one).collect::<String>() + last;
+        scan(SegmentFile::parse(&text).unwrap().build(Path::new(".")).unwrap())
+    };
+    let (named, _) = line(1, "");
+    let named = named.unwrap_err();
+    assert!(named.contains("SubDevice 3 (alias 2): frames reach its port 1 before its port 0"), "{named}");
+    let first = line(0, "").0.unwrap_err();
+    assert!(first.contains("SubDevice 3 (alias 1)"), "behind all that hang on it: {first}");
+    // At the end it makes no other order, which is said.
+    let (last, warnings) = line(3, "");
+    assert_eq!(last, Ok(4));
+    assert!(warnings.contains("EntersAtPort { position: 3, port: 1 }"), "{warnings}");
+    // In a fork ports make a tree, and it isn't the one that is there.
+    let at = |position, port, entry_port| Attachment {
+        parent: Parent::SubDevice { position, port },
+        entry_port,
+        cable_delay_ns: 100,
+    };
+    let root = Attachment { parent: Parent::MainDevice, entry_port: 0, cable_delay_ns: 100 };
+    let fork = |clocks: bool| {
+        let features = if clocks { EscConfig::default().features } else { 0 };
+        let devices = (0..4).map(|_| obedient(EscConfig { features, ..EscConfig::default() })).collect();
+        Segment::new(devices, vec![root, at(2, 0, 0), at(0, 1, 1), at(0, 2, 0)]).unwrap()
+    };
+    let named = scan(fork(true)).0.unwrap_err();
+    assert!(named.contains("SubDevice 2: frames reach its port 1 before its port 0"), "{named}");
+    // Nobody's clock tells: it is taken for the tree that ports make.
+    assert_eq!(scan(fork(false)).0, Ok(4));
 }
 
 /// A fork: 0 has 1 at port 3, 2 at port 1 (3 behind it, without clock; 4 behind that), 5 at port 2.
