@@ -17,7 +17,7 @@ const FRAMES: u32 = 200;
 /// Bytes of each of them: long ones meet more.
 const BYTES: usize = 256;
 /// Bytes from 0x0300 to the lost-link counters' end.
-pub(crate) const COUNTERS: usize = 0x14;
+pub const COUNTERS: usize = 0x14;
 
 /// When something was counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -178,31 +178,11 @@ impl<L: Link, C: Clock> Bus<L, C> {
             }
             let [counters, status] = reads;
             let before = self.counters_before.get(number).map_or(&[][..], Vec::as_slice);
-            trouble.extend(self.counted(number, before, Counted::Before));
-            trouble.extend(self.counted(number, &counters.data, Counted::Now));
+            trouble.extend(of_counters(&self.subdevices, number, before, Counted::Before));
+            trouble.extend(of_counters(&self.subdevices, number, &counters.data, Counted::Now));
             trouble.extend(self.of_one(number, status.data.first().copied().unwrap_or(1)));
         }
         Ok(trouble)
-    }
-
-    /// What the counters of one tell.
-    fn counted(&self, number: usize, counters: &[u8], counted: Counted) -> Vec<Trouble> {
-        let one = &self.subdevices[number];
-        let position = one.position;
-        let of = |at: usize| counters.get(at).copied().unwrap_or(0);
-        let mut trouble = Vec::new();
-        for port in 0..4u8 {
-            let at = usize::from(port);
-            let (frames, signs, times) = (of(2 * at), of(2 * at + 1), of(0x10 + at));
-            if frames > 0 || signs > 0 {
-                let neighbour = self.neighbour(one, port);
-                trouble.push(Trouble::Damaged { position, port, frames, signs, neighbour, counted });
-            }
-            if times > 0 {
-                trouble.push(Trouble::LostLink { position, port, times, counted });
-            }
-        }
-        trouble
     }
 
     fn of_one(&self, number: usize, status: u8) -> Vec<Trouble> {
@@ -225,25 +205,48 @@ impl<L: Link, C: Clock> Bus<L, C> {
         }
         trouble
     }
+}
 
-    /// Who is at the other end of a port's cable, in words.
-    fn neighbour(&self, one: &SubDevice, port: u8) -> String {
-        if port == one.entry_port {
-            return match one.parent {
-                Some(parent) => {
-                    alloc::format!("SubDevice {} (its port {})", parent.position, parent.port)
-                }
-                None => String::from("the MainDevice"),
-            };
+/// What one's error counters (0x0300 and up, [`COUNTERS`] bytes) tell, damage and lost links by port.
+pub fn of_counters(
+    subdevices: &[SubDevice],
+    number: usize,
+    counters: &[u8],
+    counted: Counted,
+) -> Vec<Trouble> {
+    let Some(one) = subdevices.get(number) else { return Vec::new() };
+    let position = one.position;
+    let of = |at: usize| counters.get(at).copied().unwrap_or(0);
+    let mut trouble = Vec::new();
+    for port in 0..4u8 {
+        let at = usize::from(port);
+        let (frames, signs, times) = (of(2 * at), of(2 * at + 1), of(0x10 + at));
+        if frames > 0 || signs > 0 {
+            let neighbour = neighbour(subdevices, one, port);
+            trouble.push(Trouble::Damaged { position, port, frames, signs, neighbour, counted });
         }
-        let behind = self.subdevices.iter().find(|other| {
-            other.parent.is_some_and(|parent| (parent.position, parent.port) == (one.position, port))
-        });
-        behind.map_or_else(
-            || String::from("nobody known"),
-            |other| alloc::format!("SubDevice {} (its port {})", other.position, other.entry_port),
-        )
+        if times > 0 {
+            trouble.push(Trouble::LostLink { position, port, times, counted });
+        }
     }
+    trouble
+}
+
+/// Who is at the other end of a port's cable, in words.
+fn neighbour(subdevices: &[SubDevice], one: &SubDevice, port: u8) -> String {
+    if port == one.entry_port {
+        return match one.parent {
+            Some(parent) => alloc::format!("SubDevice {} (its port {})", parent.position, parent.port),
+            None => String::from("the MainDevice"),
+        };
+    }
+    let behind = subdevices.iter().find(|other| {
+        other.parent.is_some_and(|parent| (parent.position, parent.port) == (one.position, port))
+    });
+    behind.map_or_else(
+        || String::from("nobody known"),
+        |other| alloc::format!("SubDevice {} (its port {})", other.position, other.entry_port),
+    )
 }
 
 /// Bits of the SII's mailbox protocols, their names, and what to do.

@@ -270,12 +270,36 @@ fn broken_segment_files_are_refused_with_file_and_line() {
 }
 
 #[test]
+fn an_exchange_that_would_never_work_is_told_before_it_begins() {
+    for (arguments, told) in [
+        (
+            &["--dc", "--shift-us", "1000"][..],
+            "--shift-us 1000: a place in the cycle, less than --cycle-us 1000 either way",
+        ),
+        (&["--dc", "--shift-us", "-2000"], "--shift-us -2000: a place in the cycle"),
+        (
+            &["--watchdog-ms", "1"],
+            "--watchdog-ms 1: SubDevices would go safe by themselves between two frames 1000 us apart; at least 2, or 0 for none",
+        ),
+        (&["--cycle-us", "60000", "--watchdog-ms", "100"], "at least 120, or 0 for none"),
+    ] {
+        let run = omnibase(&[&["exchange", &sim("three-sgdv"), "--cycles", "5"], arguments].concat());
+        assert_eq!(run.status.code(), Some(1), "{arguments:?}");
+        assert!(text(&run.stderr).contains(told), "{}", text(&run.stderr));
+    }
+    // Where nothing is said of it, the watchdog is as long as the cycle needs.
+    let slow = omnibase(&["exchange", &sim("three-servos"), "--cycles", "5", "--cycle-us", "60000"]);
+    assert_eq!(slow.status.code(), Some(0), "{}", text(&slow.stderr));
+}
+
+#[test]
 fn wrong_usage_is_code_2_and_help_has_examples() {
-    let wrong: [&[&str]; 8] = [
+    let wrong: [&[&str]; 9] = [
         &["scan"],
         &["scan", "sim:"],
         &["exchange", "eth0", "--cycle-us", "1"],
         &["exchange", "eth0", "--busy-poll"],
+        &["exchange", "eth0", "--watchdog-ms", "7000"],
         &["simulate", "--interface", "eth0"],
         &["simulate", "a.toml"],
         &["simulate", "a.toml", "--sii", "b.bin", "--interface", "eth0"],

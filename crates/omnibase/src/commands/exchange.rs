@@ -6,6 +6,7 @@ mod runner;
 use crate::real_time::RealTime;
 use crate::target::{Manners, Port, Target, finish_recording};
 use crate::{Outcome, commands};
+use anyhow::ensure;
 use omnibase_ethercat::config::WatchdogConfig;
 use omnibase_ethercat::cyclic::ClockDirection;
 use omnibase_ethercat::image::CycleFit;
@@ -66,8 +67,9 @@ pub struct Arguments {
     busy_poll: bool,
     #[command(flatten)]
     real_time: RealTime,
-    /// Process-data watchdog written to all that have outputs, ms; 0 switches it off. It should be several cycles.
-    #[arg(long, value_name = "MS", default_value = "100", value_parser = parse_watchdog)]
+    /// Process-data watchdog written to all that have outputs, ms, at least two cycles; 0 switches it off. Default: 100, or three
+    /// cycles where these are longer.
+    #[arg(long, value_name = "MS", value_parser = parse_watchdog)]
     watchdog_ms: Option<u16>,
     /// Record all frames into this pcapng file.
     #[arg(long, value_name = "FILE")]
@@ -80,6 +82,8 @@ pub struct Arguments {
 /// Register 0x0400: steps of 100 us.
 const WATCHDOG_DIVIDER: u16 = 2498;
 const STEPS_PER_MS: u16 = 10;
+/// The watchdog by default, ms.
+const WATCHDOG_MS: u16 = 100;
 
 /// Whose time leads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, clap::ValueEnum)]
@@ -101,6 +105,7 @@ pub fn run_until(
     stop: &AtomicBool,
     output: &mut dyn Write,
 ) -> anyhow::Result<Outcome> {
+    arguments.check()?;
     let mut cable = arguments.manners.enter(&arguments.target, arguments.port())?;
     let mut recorder = None;
     if let Some(path) = &arguments.record {
@@ -168,7 +173,7 @@ impl Arguments {
             ring: false,
             busy_poll: false,
             real_time: RealTime::default(),
-            watchdog_ms: Some(100),
+            watchdog_ms: None,
             record: None,
             json: true,
         }
@@ -180,6 +185,28 @@ impl Arguments {
             (true, false) => Port::Ring(Waiting::Sleep),
             (true, true) => Port::Ring(Waiting::BusyPoll),
         }
+    }
+
+    fn watchdog_ms(&self) -> u16 {
+        let cycles_ms = (3 * self.cycle_us).as_millis() as u16;
+        self.watchdog_ms.unwrap_or(cycles_ms.max(WATCHDOG_MS))
+    }
+
+    /// What would never work, told before anything is sent.
+    fn check(&self) -> anyhow::Result<()> {
+        let cycle_us = self.cycle_us.as_micros();
+        ensure!(
+            u128::from(self.shift_us.unsigned_abs()) < cycle_us,
+            "--shift-us {}: a place in the cycle, less than --cycle-us {cycle_us} either way",
+            self.shift_us
+        );
+        let (watchdog_ms, least_ms) = (self.watchdog_ms(), (2 * self.cycle_us).as_micros().div_ceil(1000));
+        ensure!(
+            watchdog_ms == 0 || u128::from(watchdog_ms) >= least_ms,
+            "--watchdog-ms {watchdog_ms}: SubDevices would go safe by themselves between two frames {cycle_us} us apart; at least \
+             {least_ms}, or 0 for none"
+        );
+        Ok(())
     }
 
     fn sync0_shift_ns(&self) -> i32 {
@@ -195,13 +222,14 @@ impl Arguments {
         // Who is written to goes safe by itself when this program says nothing any more, as a robot's drives do.
         let is_written =
             one.sii.sync_managers.iter().any(|manager| manager.usage == SyncManagerUsage::Outputs);
-        let watchdogs = match self.watchdog_ms.filter(|_| is_written) {
-            Some(ms) => WatchdogConfig {
+        let watchdogs = if is_written {
+            WatchdogConfig {
                 divider: Some(WATCHDOG_DIVIDER),
-                process_data: Some(ms.saturating_mul(STEPS_PER_MS)),
+                process_data: Some(self.watchdog_ms().saturating_mul(STEPS_PER_MS)),
                 pdi: None,
-            },
-            None => WatchdogConfig::default(),
+            }
+        } else {
+            WatchdogConfig::default()
         };
         SubDeviceConfig {
             place: Some(Match::Position(one.position)),
@@ -229,7 +257,7 @@ fn list(subdevices: &[SubDevice], output: &mut dyn Write) -> std::io::Result<()>
 
 /// Refuses a cycle within which its frames can't be back.
 fn check_fit(fit: CycleFit, cycle: Duration) -> anyhow::Result<()> {
-    anyhow::ensure!(
+    ensure!(
         fit.shortest() <= cycle,
         "--cycle-us {}: the shortest cycle that fits is {fit}; choose a longer cycle",
         cycle.as_micros()

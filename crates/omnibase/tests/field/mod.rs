@@ -124,6 +124,31 @@ fn a_simulator_that_dies_is_noticed() {
     });
 }
 
+/// Frames that are damaged now and then cost exchanges: their end says where, by the counters of the chips.
+#[test]
+fn an_exchange_says_where_frames_were_damaged() {
+    let Some(namespace) = Namespace::for_test("an_exchange_says_where_frames_were_damaged") else { return };
+    let damage = (0..300).map(|number| format!("crc-errors@1:{:.1}:1", 0.2 * f64::from(number)));
+    let damage: Vec<String> = damage.flat_map(|fault| ["--fault".to_owned(), fault]).collect();
+    namespace.run(|| {
+        let file = segment("three-servos");
+        let mut arguments = vec![file.as_str()];
+        arguments.extend(damage.iter().map(String::as_str));
+        let (_simulator, _) = Simulator::start(&arguments);
+        let ten = ["exchange", Namespace::NEAR, "--cycle-us", "10000", "--cycles", "200", "--json"];
+        // Where the machine pauses a run may not get as far.
+        let mut runs = (0..20).map(|_| omnibase(&ten)).filter(|run| run.stdout.starts_with(b"{"));
+        let told = runs.find_map(|run| {
+            let told = json(&run)["damage"].as_array().unwrap().clone();
+            (!told.is_empty()).then_some(told)
+        });
+        let told = told.expect("damage within twenty runs of two seconds each");
+        assert!(told[0].as_str().unwrap().contains("damaged frames ("), "{told:?}");
+        let from = "SubDevice 1: ";
+        assert!(told.iter().any(|told| told.as_str().unwrap().starts_with(from)), "{told:?}");
+    });
+}
+
 /// What hangs at the cable is as wrong as a segment gets while it still answers, and a frame is damaged now and then: `doctor`
 /// names all of it, by position and port, and says what to do.
 #[test]

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use omnibase_ethercat::DcConfig;
 use omnibase_ethercat::cyclic::{AcyclicRequest, AcyclicWork, CyclicBus, RegisterAccess};
+pub(super) use omnibase_ethercat::trouble::COUNTERS;
 use omnibase_ethercat::wire::bytes::u32_at;
 use omnibase_ethercat::wire::{HostTime, Link, register};
 
@@ -11,8 +12,6 @@ use super::{OTHERS, Supervisor};
 
 /// Between two looks at registers of some SubDevice.
 const LOOK_INTERVAL: Duration = Duration::from_millis(20);
-/// Error counters from 0x0300 to 0x0313.
-pub(super) const COUNTERS: usize = 20;
 /// From here on a counter of 8 bits is cleared, before it stands still at 255.
 const FULL: u8 = 128;
 /// A clock farther from the reference than this share of the SYNC0 cycle is astray: frames pass half a cycle away from

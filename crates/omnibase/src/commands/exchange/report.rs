@@ -33,6 +33,8 @@ pub struct Report {
     pub commands_used: Vec<&'static str>,
     /// SubDevices that aren't operational, and what they have.
     pub not_operational: Vec<String>,
+    /// Where frames were damaged and links lost.
+    pub damage: Vec<String>,
     /// Whose pauses cost cycles.
     pub pauses: Pauses,
     /// How long cycles took, as in the summary of a run.
@@ -50,6 +52,7 @@ pub struct ReportJson<'a> {
     round_trip_ns: Option<Quantiles>,
     wakeup_ns: Option<Quantiles>,
     dc_phase_ns: Option<Quantiles>,
+    damage: &'a [String],
     pauses: &'a Pauses,
     timing: &'a TimingFigures,
     commands_used: &'a [&'static str],
@@ -68,6 +71,7 @@ impl Report {
             round_trip_ns: quantiles(&self.timing.round_trip_ns),
             wakeup_ns: quantiles(&self.timing.wake_up_ns),
             dc_phase_ns: quantiles(&self.timing.dc_phase_ns),
+            damage: &self.damage,
             pauses: &self.pauses,
             timing: &self.timing,
             commands_used: &self.commands_used,
@@ -95,6 +99,9 @@ impl Report {
         writeln!(output, "commands used           {}", self.commands_used.join(", "))?;
         for not_operational in &self.not_operational {
             writeln!(output, "not operational         {not_operational}")?;
+        }
+        for damage in &self.damage {
+            writeln!(output, "damage                  {damage}")?;
         }
         self.timing.print(output)?;
         self.pauses.print(output)

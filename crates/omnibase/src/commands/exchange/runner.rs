@@ -5,11 +5,13 @@ use crate::progress::{bar, note};
 use crate::target::AnyClock;
 use omnibase_ethercat::ProcessImage;
 use omnibase_ethercat::cyclic::{
-    CycleCounters, Exchange as BusExchange, Goal, Handover, Health, Step, TransitionOptions, TransitionStatus,
+    AcyclicRequest, AcyclicWork, CycleCounters, Exchange as BusExchange, Goal, Handover, Health,
+    RegisterAccess, Step, TransitionOptions, TransitionStatus,
 };
 use omnibase_ethercat::paced::{Pace, PacedBus};
 use omnibase_ethercat::subdevice::SubDevice;
-use omnibase_ethercat::wire::{AlState, Clock, Link};
+use omnibase_ethercat::trouble::{self, Counted};
+use omnibase_ethercat::wire::{AlState, Clock, Link, register};
 use omnibase_measure::pauses::Pauses;
 use omnibase_measure::timing::{TimedCycle, Timing};
 use omnibase_robot::signals::{CycleTime, Exchange};
@@ -20,6 +22,9 @@ use std::time::Duration;
 const SILENCE: Duration = Duration::from_millis(500);
 /// Cycles that the search for culprits may take.
 const DIAGNOSIS_CYCLES: u32 = 300;
+
+/// Cycles that a look at one SubDevice's counters may take.
+const LOOK_CYCLES: u32 = 20;
 
 /// What to do.
 #[derive(Clone, Copy, Debug)]
@@ -50,6 +55,8 @@ struct Measured {
     overruns: u64,
     operational: bool,
     not_operational: Vec<String>,
+    /// Where frames were damaged and links lost, in words.
+    damage: Vec<String>,
     before: CycleCounters,
     after: CycleCounters,
 }
@@ -67,6 +74,7 @@ impl Runner {
             overruns: 0,
             operational: false,
             not_operational: Vec::new(),
+            damage: Vec::new(),
             before: CycleCounters::default(),
             after: CycleCounters::default(),
         };
@@ -87,7 +95,7 @@ impl Runner {
             if !self.measured.operational {
                 self.find_culprits()?;
             }
-            Ok(())
+            self.find_damage()
         });
         // Nobody is there to be led back; the broadcast that asks all for INIT goes out all the same.
         if is_silent(&self.paced, self.plan.pace.cycle) {
@@ -123,6 +131,33 @@ impl Runner {
                 Some(format!("SubDevice {} ({}): {words}", one.position, one.name))
             })
             .collect();
+        Ok(())
+    }
+
+    /// Where frames got lost or came back incomplete: the SubDevices' error counters tell which cable damaged some.
+    fn find_damage(&mut self) -> anyhow::Result<()> {
+        let Measured { before, after, .. } = &self.measured;
+        let missed = after.frames_lost + after.working_counter_errors;
+        if missed == before.frames_lost + before.working_counter_errors {
+            return Ok(());
+        }
+        for number in 0..self.subdevices.len() {
+            let (register, data) = (register::RX_ERROR_COUNTERS, vec![0; trouble::COUNTERS]);
+            let work = AcyclicWork::Registers { way: RegisterAccess::Read, register, data };
+            let position = self.subdevices[number].position;
+            if self.paced.bus_mut().submit(AcyclicRequest { tag: 0, position, work }).is_err() {
+                continue;
+            }
+            for _ in 0..LOOK_CYCLES {
+                self.paced.exchange(&mut self.image)?;
+                let Some(answer) = self.paced.bus_mut().poll_completion() else { continue };
+                if let (Ok(()), AcyclicWork::Registers { data, .. }) = (answer.result, answer.work) {
+                    let found = trouble::of_counters(&self.subdevices, number, &data, Counted::Now);
+                    self.measured.damage.extend(found.iter().map(ToString::to_string));
+                }
+                break;
+            }
+        }
         Ok(())
     }
 
@@ -209,6 +244,7 @@ impl Runner {
             subdevices: self.subdevices.len(),
             commands_used: self.paced.bus().commands_used().iter().map(|command| command.name()).collect(),
             not_operational: self.measured.not_operational.clone(),
+            damage: self.measured.damage.clone(),
             pauses: self.measured.pauses,
             timing: self.measured.timing.figures(&[]),
         }
