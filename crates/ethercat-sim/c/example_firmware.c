@@ -10,6 +10,7 @@
  */
 #include "pdi_client.h"
 
+#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -109,7 +110,10 @@ int main(int argc, char **argv) {
         return 2;
     }
     if (pdi_connect(&pdi, argv[1]) != 0) {
-        perror(argv[1]);
+        if (errno == ECONNRESET)
+            fprintf(stderr, "%s: another firmware is connected there\n", argv[1]);
+        else
+            perror(argv[1]);
         return 1;
     }
     for (;;) {

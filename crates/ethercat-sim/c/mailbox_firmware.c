@@ -12,6 +12,7 @@
  */
 #include "pdi_client.h"
 
+#include <errno.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -270,7 +271,10 @@ int main(int argc, char **argv) {
     }
     memset(&device, 0, sizeof device);
     if (pdi_connect(&device.pdi, argv[1]) != 0) {
-        perror(argv[1]);
+        if (errno == ECONNRESET)
+            fprintf(stderr, "%s: another firmware is connected there\n", argv[1]);
+        else
+            perror(argv[1]);
         return 1;
     }
     do {

@@ -32,7 +32,7 @@ struct pdi {
 
 /* All functions return 0, or -1 when the connection is gone or can't be made (errno says why). */
 
-/* Connects to the socket at `path` and waits for the power-on message. */
+/* Connects to the socket at `path` and waits for the power-on message. ECONNRESET: another firmware is connected there. */
 int pdi_connect(struct pdi *pdi, const char *path);
 
 /* Reads `length` bytes of registers or memory from `address` on. */

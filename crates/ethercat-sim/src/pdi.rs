@@ -4,6 +4,7 @@
 //! applications ([`Application`]) as well as a foreign one in another process.
 
 use omnibase_ethercat_wire::HostTime;
+use std::path::Path;
 
 /// The AL event request word (register 0x0220), which the ESC returns with every PDI access.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -34,6 +35,11 @@ pub trait Application: Send {
 
     /// Does what is due at `now`; returns when it wants to run again even if nothing happens (`None`: never).
     fn run(&mut self, pdi: &mut dyn Pdi, event: AlEvent, now: HostTime) -> Option<HostTime>;
+
+    /// The socket at which it is waited for, where it is a program that isn't connected.
+    fn awaited_at(&self) -> Option<&Path> {
+        None
+    }
 
     /// A fault that only firmware can have; unknown ones are ignored and `false` comes back.
     fn inject(&mut self, fault: &ApplicationFault, now: HostTime) -> bool;

@@ -39,6 +39,9 @@ const TURN_LIMIT: Duration = Duration::from_micros(200);
 /// share, also where the segment has to catch up, and several leave time to go on.
 const TURNS_APART: u32 = 4;
 
+/// Turns of a connected firmware between two looks for others that want to connect: that costs a system call.
+const TURNS_ALONE: u32 = 200;
+
 /// How the firmware's time goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pace {
@@ -55,6 +58,8 @@ pub struct SocketApplication {
     path: PathBuf,
     pace: Pace,
     firmware: Option<Firmware>,
+    /// Turns since somebody else was looked for.
+    turns: u32,
 }
 
 /// A connected firmware.
@@ -101,7 +106,7 @@ impl SocketApplication {
             bound => bound?,
         };
         listener.set_nonblocking(true)?;
-        Ok(SocketApplication { listener, path, pace, firmware: None })
+        Ok(SocketApplication { listener, path, pace, firmware: None, turns: 0 })
     }
 
     /// Waits until a firmware has connected, at most for `timeout` of real time.
@@ -116,6 +121,15 @@ impl SocketApplication {
                 return Err(io::Error::new(ErrorKind::TimedOut, "no firmware connected"));
             }
             std::thread::sleep(Duration::from_millis(1));
+        }
+    }
+
+    /// Ends the connection of whoever comes beside the firmware that is connected.
+    fn send_others_away(&mut self) {
+        self.turns += 1;
+        if self.turns >= TURNS_ALONE {
+            self.turns = 0;
+            drop(self.listener.accept());
         }
     }
 
@@ -168,12 +182,19 @@ impl Application for SocketApplication {
             Pace::Lockstep => firmware.run_lockstep(pdi, event, now),
         };
         match turn {
-            Ok(wake) => wake,
+            Ok(wake) => {
+                self.send_others_away();
+                wake
+            }
             Err(_) => {
                 self.firmware = None;
                 Some(now + IDLE_POLL)
             }
         }
+    }
+
+    fn awaited_at(&self) -> Option<&Path> {
+        self.firmware.is_none().then_some(&*self.path)
     }
 
     fn inject(&mut self, _fault: &ApplicationFault, _now: HostTime) -> bool {
@@ -453,6 +474,29 @@ mod tests {
         }
         assert_eq!(next_turn(HostTime(0), Duration::ZERO), HostTime(0) + FREE_POLL);
         assert_eq!(next_turn(HostTime(0), Duration::from_secs(1)), HostTime(800_000));
+    }
+
+    #[test]
+    fn who_is_missing_is_known_and_a_second_firmware_is_sent_away() {
+        let path = std::env::temp_dir().join(format!("omnibase-{}-second.pdi", std::process::id()));
+        let mut application = SocketApplication::bind(&path, Pace::Free).unwrap();
+        assert_eq!(application.awaited_at(), Some(&*path));
+        let connect = || {
+            let stream = UnixStream::connect(&path).unwrap();
+            stream.set_nonblocking(true).unwrap();
+            stream
+        };
+        let mut first = connect();
+        let mut second = connect();
+        for turn in 0..=TURNS_ALONE {
+            application.run(&mut Chip { event: 0 }, AlEvent(0), HostTime(u64::from(turn) * 50_000));
+        }
+        assert_eq!(application.awaited_at(), None);
+        assert_eq!(kinds(&mut first), [POWER_ON]);
+        assert_eq!(second.read(&mut [0; 8]).unwrap(), 0, "its connection is ended");
+        drop(first);
+        application.run(&mut Chip { event: 0 }, AlEvent(0), HostTime(1_000_000_000));
+        assert_eq!(application.awaited_at(), Some(&*path), "the next one may come");
     }
 
     #[test]

@@ -24,9 +24,11 @@ pub struct Served {
     pub answered: u64,
     /// Foreign frames, and own ones that came back.
     pub ignored: u64,
-    /// The most by which the segment's time was behind the clock while nothing waited: what its own events, and foreign firmware,
-    /// took, ns.
+    /// The most by which the segment's time was behind the clock while nothing waited, ns.
     pub longest_behind_ns: u64,
+    /// The most CPU time that its own events, and foreign firmware, took at a time, ns: what it was behind but for pauses of this
+    /// program.
+    pub longest_own_ns: u64,
     /// The longest time that a frame waited for this program, ns; 0 where the link doesn't know its arrivals.
     pub longest_wait_ns: u64,
 }
@@ -96,9 +98,9 @@ fn run(
         }
         let arrived = ports.iter().enumerate().filter_map(|(at, port)| Some((port.arrived?.arrival, at)));
         let Some((_, at)) = arrived.min() else {
+            let cpu_ns = thread_cpu_ns();
             let advanced = service.advance(now);
-            let behind_ns = (clock.now() - now).as_nanos() as u64;
-            service.served.longest_behind_ns = service.served.longest_behind_ns.max(behind_ns);
+            service.took((clock.now() - now).as_nanos() as u64, thread_cpu_ns().saturating_sub(cpu_ns));
             let wait = match advanced {
                 ControlFlow::Continue(()) => service.wait(now),
                 ControlFlow::Break(()) => return Ok(service.served),
@@ -187,6 +189,12 @@ pub fn until_set(stop: &AtomicBool) -> impl FnMut(&mut Segment) -> ControlFlow<(
     }
 }
 
+/// CPU time of this thread, ns. A thread that the host, or the kernel, gives no CPU uses none.
+fn thread_cpu_ns() -> u64 {
+    let used = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
+    used.tv_sec as u64 * 1_000_000_000 + used.tv_nsec as u64
+}
+
 /// A segment that is being served.
 struct Service<'a> {
     segment: &'a mut Segment,
@@ -201,6 +209,13 @@ struct Service<'a> {
 impl Service<'_> {
     fn in_segment(&self, host: HostTime) -> HostTime {
         self.start + (host - self.origin)
+    }
+
+    /// What happened took so long, of which so much CPU time.
+    fn took(&mut self, behind_ns: u64, own_ns: u64) {
+        let Served { longest_behind_ns, longest_own_ns, .. } = &mut self.served;
+        *longest_behind_ns = behind_ns.max(*longest_behind_ns);
+        *longest_own_ns = own_ns.max(*longest_own_ns);
     }
 
     /// How long to wait for a frame: until the segment's next event.

@@ -32,6 +32,11 @@ impl SubDevice {
         }
     }
 
+    /// The socket at which its firmware is waited for, where that is a program that isn't connected.
+    pub fn awaited_at(&self) -> Option<&std::path::Path> {
+        self.application.awaited_at()
+    }
+
     /// The same chip with another application behind it.
     pub fn with_application(self, application: Box<dyn Application>) -> Self {
         SubDevice { application, ..self }

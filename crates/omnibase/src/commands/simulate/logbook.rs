@@ -103,6 +103,8 @@ struct LastState {
     expired: Option<HostTime>,
     /// Since when it has power.
     powered: HostTime,
+    /// Its firmware, a program, isn't connected.
+    is_awaited: bool,
 }
 
 impl Logbook {
@@ -131,6 +133,7 @@ impl Logbook {
             let one = &segment.sub_devices()[position];
             self.look_at_watchdog(position, one);
             self.look_at_state(position, one, now);
+            self.look_at_firmware(position, one, now);
         }
         self.look_at_machine(now);
     }
@@ -182,6 +185,22 @@ impl Logbook {
         let in_order = state.is_some_and(|(_, code)| code == AlStatusCode::NO_ERROR);
         if was_op && !in_order && self.stopping.is_none() {
             self.stopping = self.truth(now).filter(|_| self.moving);
+        }
+    }
+
+    fn look_at_firmware(&mut self, position: usize, one: &SubDevice, now: HostTime) {
+        let awaited = one.awaited_at();
+        let was = std::mem::replace(&mut self.seen[position].is_awaited, awaited.is_some());
+        match awaited {
+            Some(path) if !was => {
+                let path = path.display();
+                self.note(
+                    now,
+                    format!("SubDevice {position}: no firmware is connected at `{path}`: it stays in INIT"),
+                );
+            }
+            None if was => self.note(now, format!("SubDevice {position}: its firmware is connected")),
+            _ => {}
         }
     }
 
