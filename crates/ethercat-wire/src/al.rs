@@ -96,7 +96,7 @@ status_codes! {
     0x0011 INVALID_STATE_CHANGE "invalid requested state change", "a state was skipped";
     0x0012 UNKNOWN_STATE "unknown requested state", "";
     0x0013 BOOTSTRAP_NOT_SUPPORTED "bootstrap not supported", "";
-    0x0014 NO_VALID_FIRMWARE "no valid firmware", "";
+    0x0014 NO_VALID_FIRMWARE "no valid firmware", "its firmware was written in part only, or never: write it again (`omnibase foe write`)";
     0x0015 INVALID_MAILBOX_BOOTSTRAP "invalid mailbox configuration (bootstrap)", "SM0/SM1 don't match the SII";
     0x0016 INVALID_MAILBOX "invalid mailbox configuration", "SM0/SM1 don't match the SII";
     0x0017 INVALID_SYNC_MANAGER "invalid SyncManager configuration", "address, length or control of an SM is wrong";

@@ -24,6 +24,7 @@ mod dictionary;
 mod every;
 mod hex;
 mod joystick;
+mod new_file;
 pub mod prelude;
 mod progress;
 mod real_time;

@@ -1,5 +1,6 @@
 //! `omnibase eeprom`: a SubDevice's EEPROM read, written, and given an alias.
 
+use crate::new_file;
 use crate::progress::note;
 use crate::target::{AnyBus, Manners, Port, Target};
 use crate::{Outcome, commands};
@@ -8,7 +9,6 @@ use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::eeprom::{MAX_BYTES, with_checksum};
 use omnibase_ethercat::wire::AlState;
 use omnibase_ethercat::wire::sii::Image;
-use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
@@ -102,9 +102,10 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 
 fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let Place { position, .. } = arguments.place;
+    new_file::check(&arguments.file)?;
     let mut bus = arguments.place.open()?;
     let image = bus.read_sii(position)?;
-    keep(&arguments.file, &image)?;
+    new_file::write(&arguments.file, &image)?;
     writeln!(output, "SubDevice {position}: {} bytes in {}", image.len(), arguments.file.display())?;
     Ok(Outcome::Done)
 }
@@ -132,6 +133,7 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
         image.len()
     );
     let Place { position, .. } = arguments.place;
+    check_backup(arguments.backup.as_deref())?;
     let mut bus = arguments.place.open()?;
     let one = bus.subdevice(position)?;
     let (found, wanted) = (one.identity, parsed.header.identity);
@@ -151,6 +153,7 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
 
 fn alias(arguments: &AliasArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let Place { position, .. } = arguments.place;
+    check_backup(arguments.backup.as_deref())?;
     let mut bus = arguments.place.open()?;
     let others: Vec<u16> = bus
         .subdevices()
@@ -169,6 +172,11 @@ fn alias(arguments: &AliasArguments, output: &mut dyn Write) -> anyhow::Result<O
         )
     })?;
     write_checked(&mut bus, position, image, arguments.backup.as_deref(), output)
+}
+
+/// Whether the backup can be written where it is wanted, before anybody is taken to INIT for it.
+fn check_backup(wanted: Option<&Path>) -> anyhow::Result<()> {
+    wanted.map_or(Ok(()), new_file::check)
 }
 
 /// Backup, writing, and what was done.
@@ -191,7 +199,7 @@ fn write_checked(
         return Ok(Outcome::Done);
     }
     let backup = backup.map_or_else(|| default_backup(position), Path::to_path_buf);
-    keep(&backup, &before)?;
+    new_file::write(&backup, &before)?;
     note(format_args!("the present content is in {}", backup.display()));
     let words = bus
         .write_sii(position, &before, &image)
@@ -207,15 +215,6 @@ fn write_checked(
 fn default_backup(position: u16) -> PathBuf {
     let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
     format!("eeprom-{position}-{seconds}.bin").into()
-}
-
-/// A new file, on the disk for certain before anything else is done.
-fn keep(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let kept = File::create_new(path).and_then(|mut file| {
-        file.write_all(bytes)?;
-        file.sync_all()
-    });
-    kept.with_context(|| format!("writing `{}`", path.display()))
 }
 
 impl Place {

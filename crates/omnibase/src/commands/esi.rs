@@ -6,12 +6,12 @@ mod json;
 mod table;
 
 use crate::Outcome;
+use crate::new_file;
 use crate::progress::{note, warn};
 use anyhow::{Context, ensure};
 use omnibase_esi::model::number;
 use omnibase_esi::{Assembly, Device, EsiFile, Module, image};
 use std::collections::BTreeSet;
-use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
@@ -142,7 +142,7 @@ fn one(arguments: &Arguments, files: &Files, name: &str, output: &mut dyn Write)
         let vendor = identity.with_context(|| {
             format!("its file doesn't say who {} is: vendor, product code or revision", device.type_name)
         })?;
-        keep(path, &image::eeprom(device, vendor).emit())?;
+        new_file::write(path, &image::eeprom(device, vendor).emit())?;
     }
     if arguments.sii.is_some() || arguments.segment {
         for doubt in assembly.doubts() {
@@ -160,12 +160,6 @@ fn one(arguments: &Arguments, files: &Files, name: &str, output: &mut dyn Write)
         explain::device(&files.first, &assembly, output)?;
     }
     Ok(())
-}
-
-/// A new file: what is there is left alone, be it the maker's own.
-fn keep(path: &Path, bytes: &[u8]) -> anyhow::Result<()> {
-    let kept = File::create_new(path).and_then(|mut file| file.write_all(bytes));
-    kept.with_context(|| format!("writing `{}`: nothing that exists is written over", path.display()))
 }
 
 /// A segment file with the device alone. Paths don't depend on where the file is put.

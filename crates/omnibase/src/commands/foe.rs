@@ -1,15 +1,14 @@
 //! `omnibase foe`: files of one SubDevice, such as its firmware.
 
-use crate::Outcome;
 use crate::commands::eeprom::open_at_rest;
 use crate::progress::{bar, note, warn};
 use crate::target::{AnyBus, Target};
+use crate::{Outcome, new_file};
 use anyhow::{Context, ensure};
 use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::field::FILE_TIMEOUT;
 use omnibase_ethercat::mailbox::{FileAccess, MailboxError, MailboxRequest, Operation, ShortText};
 use omnibase_ethercat::wire::sii::PROTOCOL_FOE;
-use std::fs::File;
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -119,15 +118,13 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
 fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let ReadArguments { place, file } = arguments;
     // Known before the device is brought to BOOT.
-    let kept = File::create_new(file).and_then(|_| std::fs::remove_file(file));
-    kept.with_context(|| format!("writing `{}`", file.display()))?;
+    new_file::check(file)?;
     let access = place.access(file)?;
     let mut bus = place.open()?;
     let operation = Operation::ReadFile(access);
     let content = place.transfer(&mut bus, operation, Vec::with_capacity(READ_LIMIT))?;
     place.leave(&mut bus)?;
-    let kept = File::create_new(file).and_then(|mut file| file.write_all(&content));
-    kept.with_context(|| format!("writing `{}`", file.display()))?;
+    new_file::write(file, &content)?;
     writeln!(
         output,
         "SubDevice {}: `{}`, {} bytes in {}",
