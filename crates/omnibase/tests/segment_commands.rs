@@ -148,6 +148,7 @@ fn exchange_cycles_three_sgdv_with_clocks_and_without_forbidden_commands() {
     let promised = [
         "operational",
         "cycles",
+        "damage",
         "lost_frames",
         "working_counter_errors",
         "frames_per_cycle",
