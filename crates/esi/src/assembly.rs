@@ -348,12 +348,16 @@ impl<'a> Assembly<'a> {
     pub fn doubts(&self) -> Vec<Doubt> {
         let mut doubts = self.default_pdos(true).1;
         doubts.extend(self.default_pdos(false).1);
-        let mailboxes =
-            std::iter::once(&self.device.mailbox).chain(self.modules.iter().map(|module| &module.mailbox));
-        let count = mailboxes.flatten().map(|mailbox| mailbox.foreign_commands).sum();
+        let mailboxes = || {
+            let of_modules = self.modules.iter().map(|module| &module.mailbox);
+            std::iter::once(&self.device.mailbox).chain(of_modules).flatten()
+        };
+        let count = mailboxes().map(|mailbox| mailbox.foreign_commands).sum();
         if count > 0 {
             doubts.push(Doubt::ForeignCommands { count });
         }
+        let own = mailboxes().filter_map(|mailbox| mailbox.coe.as_ref());
+        doubts.extend(own.flat_map(|coe| &coe.left_out).map(|line| Doubt::UnreadCommand { line: *line }));
         doubts.extend(self.same_indices());
         let says = self.device.eeprom.as_ref().map_or(0, |eeprom| eeprom.byte_size);
         let needs = image::content_bytes(self.device);

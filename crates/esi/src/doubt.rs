@@ -54,6 +54,11 @@ pub enum Doubt {
         /// Its line.
         line: u32,
     },
+    /// A command that can't be read whole.
+    UnreadCommand {
+        /// Its line.
+        line: u32,
+    },
     /// A command without data.
     NoData {
         /// Line of the command.
@@ -131,6 +136,9 @@ impl fmt::Display for Doubt {
             ),
             Doubt::UnclearPdo { pdo, line } => {
                 write!(f, "numbers of 0x{pdo:04X} in line {line} can't be read: what it maps isn't known")
+            }
+            Doubt::UnreadCommand { line } => {
+                write!(f, "the command of line {line} can't be read whole: it isn't sent")
             }
             Doubt::NoData { line, index } => {
                 write!(f, "the command of line {line} to 0x{index:04X} has no data: it isn't sent")

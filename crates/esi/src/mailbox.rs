@@ -63,6 +63,7 @@ fn coe(element: Element, notes: &mut Notes) -> Coe {
         segmented: element.is("SegmentedSdo", notes),
         diagnosis_history: element.is("DiagHistory", notes),
         commands: Vec::new(),
+        left_out: Vec::new(),
     };
     for child in element.children() {
         match child.name() {
@@ -73,7 +74,13 @@ fn coe(element: Element, notes: &mut Notes) -> Coe {
                 );
                 break;
             }
-            "InitCmd" => coe.commands.extend(command(child, notes)),
+            "InitCmd" => {
+                let line = child.line();
+                match command(child, notes) {
+                    Some(command) => coe.commands.push(command),
+                    None => coe.left_out.push(line),
+                }
+            }
             _ => child.skip(notes),
         }
     }

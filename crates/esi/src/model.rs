@@ -219,6 +219,8 @@ pub struct Coe {
     pub diagnosis_history: bool,
     /// Commands, in order.
     pub commands: Vec<InitCommand>,
+    /// Lines of commands that can't be read whole: they are no commands.
+    pub left_out: Vec<u32>,
 }
 
 /// An SDO that the maker wants written at the start.

@@ -26,9 +26,9 @@ pub struct Served {
     pub ignored: u64,
     /// The most by which the segment's time was behind the clock while nothing waited, ns.
     pub longest_behind_ns: u64,
-    /// The most CPU time that its own events, and foreign firmware, took at a time, ns: what it was behind but for pauses of this
-    /// program.
-    pub longest_own_ns: u64,
+    /// The most CPU time that one of its events, or a turn of foreign firmware, took, ns: so much is it behind but for pauses of
+    /// this program, and for what has to be caught up behind them.
+    pub longest_event_ns: u64,
     /// The longest time that a frame waited for this program, ns; 0 where the link doesn't know its arrivals.
     pub longest_wait_ns: u64,
 }
@@ -98,9 +98,9 @@ fn run(
         }
         let arrived = ports.iter().enumerate().filter_map(|(at, port)| Some((port.arrived?.arrival, at)));
         let Some((_, at)) = arrived.min() else {
-            let cpu_ns = thread_cpu_ns();
             let advanced = service.advance(now);
-            service.took((clock.now() - now).as_nanos() as u64, thread_cpu_ns().saturating_sub(cpu_ns));
+            let behind_ns = (clock.now() - now).as_nanos() as u64;
+            service.served.longest_behind_ns = service.served.longest_behind_ns.max(behind_ns);
             let wait = match advanced {
                 ControlFlow::Continue(()) => service.wait(now),
                 ControlFlow::Break(()) => return Ok(service.served),
@@ -211,13 +211,6 @@ impl Service<'_> {
         self.start + (host - self.origin)
     }
 
-    /// What happened took so long, of which so much CPU time.
-    fn took(&mut self, behind_ns: u64, own_ns: u64) {
-        let Served { longest_behind_ns, longest_own_ns, .. } = &mut self.served;
-        *longest_behind_ns = behind_ns.max(*longest_behind_ns);
-        *longest_own_ns = own_ns.max(*longest_own_ns);
-    }
-
     /// How long to wait for a frame: until the segment's next event.
     fn wait(&self, now: HostTime) -> Duration {
         let due = self.segment.next_wake().map(|wake| wake - self.in_segment(now));
@@ -228,7 +221,10 @@ impl Service<'_> {
     fn advance(&mut self, host: HostTime) -> ControlFlow<()> {
         let until = self.in_segment(host);
         while let Some(wake) = self.segment.next_wake().filter(|wake| *wake <= until) {
+            let began_ns = thread_cpu_ns();
             self.segment.advance(wake);
+            let took_ns = thread_cpu_ns().saturating_sub(began_ns);
+            self.served.longest_event_ns = self.served.longest_event_ns.max(took_ns);
             (self.watch)(self.segment)?;
         }
         self.segment.advance(until);

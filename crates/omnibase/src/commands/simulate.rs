@@ -89,8 +89,8 @@ struct Report {
     longest_wait_ms: f64,
     /// The most by which the segment's time was behind the clock, ms.
     longest_behind_ms: f64,
-    /// The most CPU time that what happened in it took at a time, ms: foreign firmware takes some.
-    longest_own_ms: f64,
+    /// The most CPU time that one of its events took, ms: foreign firmware takes some.
+    longest_event_ms: f64,
     /// Where the robot really is; null for a segment without one.
     true_pose: Option<TruePose>,
     /// What happened.
@@ -171,7 +171,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         ignored: served.ignored,
         longest_wait_ms: served.longest_wait_ns as f64 * 1e-6,
         longest_behind_ms: served.longest_behind_ns as f64 * 1e-6,
-        longest_own_ms: served.longest_own_ns as f64 * 1e-6,
+        longest_event_ms: served.longest_event_ns as f64 * 1e-6,
         true_pose: watch.logbook.true_pose(),
         events: entries.clone(),
         watchdogs: watchdogs.clone(),
@@ -192,13 +192,14 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
 }
 
 fn print(report: &Report, output: &mut dyn Write) -> std::io::Result<()> {
-    let Report { frames, answered, ignored, longest_wait_ms, longest_behind_ms, longest_own_ms, .. } = report;
+    let Report { frames, answered, ignored, longest_wait_ms, longest_behind_ms, longest_event_ms, .. } =
+        report;
     writeln!(output, "{frames} frames, {answered} answered, {ignored} ignored")?;
     writeln!(output, "a frame waited {longest_wait_ms:.3} ms for this program at most")?;
     writeln!(
         output,
-        "the segment's time was {longest_behind_ms:.3} ms behind the clock at most; what happened in it took {longest_own_ms:.3} ms of \
-         CPU at a time at most, the rest are pauses of this program"
+        "the segment's time was {longest_behind_ms:.3} ms behind the clock at most; one of its events took \
+         {longest_event_ms:.3} ms of CPU at most, the rest are pauses of this program and what had to be caught up behind them"
     )?;
     if let Some(pose) = report.true_pose {
         let TruePose { x_m, y_m, heading_rad } = pose;
@@ -278,7 +279,7 @@ impl Watch {
                     all.ignored += served.ignored;
                     all.longest_wait_ns = all.longest_wait_ns.max(served.longest_wait_ns);
                     all.longest_behind_ns = all.longest_behind_ns.max(served.longest_behind_ns);
-                    all.longest_own_ns = all.longest_own_ns.max(served.longest_own_ns);
+                    all.longest_event_ns = all.longest_event_ns.max(served.longest_event_ns);
                     return Ok(all);
                 }
                 Err(LinkError::Down) => {
