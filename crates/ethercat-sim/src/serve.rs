@@ -12,6 +12,8 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const LONGEST_WAIT: Duration = Duration::from_millis(5);
 /// How long one of several links is waited at before a look at the others.
 const SLICE: Duration = Duration::from_micros(50);
+/// A segment's time that is farther behind is counted: the usual cycle.
+pub const LONG_BEHIND: Duration = Duration::from_millis(1);
 /// Answers that are remembered, to know them when the interface shows us what we sent.
 const REMEMBERED: usize = 8;
 
@@ -26,9 +28,10 @@ pub struct Served {
     pub ignored: u64,
     /// The most by which the segment's time was behind the clock while nothing waited, ns.
     pub longest_behind_ns: u64,
-    /// The most CPU time that one of its events, or a turn of foreign firmware, took, ns: so much is it behind but for pauses of
-    /// this program, and for what has to be caught up behind them.
-    pub longest_event_ns: u64,
+    /// Looks at the segment while nothing waited.
+    pub looks: u64,
+    /// Those at which its time was behind by more than [`LONG_BEHIND`].
+    pub looks_behind: u64,
     /// The longest time that a frame waited for this program, ns; 0 where the link doesn't know its arrivals.
     pub longest_wait_ns: u64,
 }
@@ -100,7 +103,10 @@ fn run(
         let Some((_, at)) = arrived.min() else {
             let advanced = service.advance(now);
             let behind_ns = (clock.now() - now).as_nanos() as u64;
-            service.served.longest_behind_ns = service.served.longest_behind_ns.max(behind_ns);
+            let served = &mut service.served;
+            served.longest_behind_ns = served.longest_behind_ns.max(behind_ns);
+            served.looks += 1;
+            served.looks_behind += u64::from(u128::from(behind_ns) > LONG_BEHIND.as_nanos());
             let wait = match advanced {
                 ControlFlow::Continue(()) => service.wait(now),
                 ControlFlow::Break(()) => return Ok(service.served),
@@ -189,12 +195,6 @@ pub fn until_set(stop: &AtomicBool) -> impl FnMut(&mut Segment) -> ControlFlow<(
     }
 }
 
-/// CPU time of this thread, ns. A thread that the host, or the kernel, gives no CPU uses none.
-fn thread_cpu_ns() -> u64 {
-    let used = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
-    used.tv_sec as u64 * 1_000_000_000 + used.tv_nsec as u64
-}
-
 /// A segment that is being served.
 struct Service<'a> {
     segment: &'a mut Segment,
@@ -221,10 +221,7 @@ impl Service<'_> {
     fn advance(&mut self, host: HostTime) -> ControlFlow<()> {
         let until = self.in_segment(host);
         while let Some(wake) = self.segment.next_wake().filter(|wake| *wake <= until) {
-            let began_ns = thread_cpu_ns();
             self.segment.advance(wake);
-            let took_ns = thread_cpu_ns().saturating_sub(began_ns);
-            self.served.longest_event_ns = self.served.longest_event_ns.max(took_ns);
             (self.watch)(self.segment)?;
         }
         self.segment.advance(until);

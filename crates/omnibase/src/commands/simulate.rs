@@ -89,8 +89,9 @@ struct Report {
     longest_wait_ms: f64,
     /// The most by which the segment's time was behind the clock, ms.
     longest_behind_ms: f64,
-    /// The most CPU time that one of its events took, ms: foreign firmware takes some.
-    longest_event_ms: f64,
+    /// Looks at the segment, and those at which it was behind by more than 1 ms.
+    looks: u64,
+    looks_behind: u64,
     /// Where the robot really is; null for a segment without one.
     true_pose: Option<TruePose>,
     /// What happened.
@@ -171,7 +172,8 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         ignored: served.ignored,
         longest_wait_ms: served.longest_wait_ns as f64 * 1e-6,
         longest_behind_ms: served.longest_behind_ns as f64 * 1e-6,
-        longest_event_ms: served.longest_event_ns as f64 * 1e-6,
+        looks: served.looks,
+        looks_behind: served.looks_behind,
         true_pose: watch.logbook.true_pose(),
         events: entries.clone(),
         watchdogs: watchdogs.clone(),
@@ -192,14 +194,13 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
 }
 
 fn print(report: &Report, output: &mut dyn Write) -> std::io::Result<()> {
-    let Report { frames, answered, ignored, longest_wait_ms, longest_behind_ms, longest_event_ms, .. } =
+    let Report { frames, answered, ignored, longest_wait_ms, longest_behind_ms, looks, looks_behind, .. } =
         report;
     writeln!(output, "{frames} frames, {answered} answered, {ignored} ignored")?;
     writeln!(output, "a frame waited {longest_wait_ms:.3} ms for this program at most")?;
     writeln!(
         output,
-        "the segment's time was {longest_behind_ms:.3} ms behind the clock at most; one of its events took \
-         {longest_event_ms:.3} ms of CPU at most, the rest are pauses of this program and what had to be caught up behind them"
+        "the segment's time was {longest_behind_ms:.3} ms behind the clock at most; by more than 1 ms at {looks_behind} of {looks} looks"
     )?;
     if let Some(pose) = report.true_pose {
         let TruePose { x_m, y_m, heading_rad } = pose;
@@ -279,7 +280,8 @@ impl Watch {
                     all.ignored += served.ignored;
                     all.longest_wait_ns = all.longest_wait_ns.max(served.longest_wait_ns);
                     all.longest_behind_ns = all.longest_behind_ns.max(served.longest_behind_ns);
-                    all.longest_event_ns = all.longest_event_ns.max(served.longest_event_ns);
+                    all.looks += served.looks;
+                    all.looks_behind += served.looks_behind;
                     return Ok(all);
                 }
                 Err(LinkError::Down) => {
