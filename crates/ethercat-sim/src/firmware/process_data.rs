@@ -230,13 +230,9 @@ impl ProcessData {
             self.cycle_ns = registers.sync0_cycle_ns;
         }
         if self.beat == Beat::Sync1 {
-            // A SYNC1 cycle shorter than SYNC0's is a shift: SYNC1 then comes once per SYNC0.
-            if !registers.sync1_cycle_ns.is_multiple_of(registers.sync0_cycle_ns)
-                && registers.sync1_cycle_ns > registers.sync0_cycle_ns
-            {
-                return Err(AlStatusCode::DC_SYNC1_CYCLE_TIME);
-            }
-            self.cycle_ns = registers.sync0_cycle_ns.max(registers.sync1_cycle_ns);
+            // It is counted from the first SYNC0 behind the SYNC1 before: what is shorter than SYNC0's cycle is a shift.
+            let cycles = registers.sync1_cycle_ns / registers.sync0_cycle_ns + 1;
+            self.cycle_ns = registers.sync0_cycle_ns.saturating_mul(cycles);
         }
         self.shown = self.beat as u16;
         for index in [0x1C32, 0x1C33] {

@@ -105,3 +105,34 @@ fn the_reference_goes_on_following_the_host_while_drives_are_asked_what_is_wrong
     assert!(expected > 100_000_000, "{expected} ns");
     assert!(passed.abs_diff(expected) < 2000, "{passed} ns in {expected} ns");
 }
+
+/// Drives whose application is started by SYNC1 once a cycle, and whose control loops by SYNC0 four times: as their file asks, at
+/// the same places of the cycle after one of them lost its supply.
+#[test]
+fn drives_that_beat_by_sync1_run_and_come_back_as_their_file_asks() {
+    const CYCLE_NS: u64 = 1_000_000;
+    let dc = "{ assign_activate = \"0x0730\", sync0_per_cycle = 4, sync1_every = 4, sync1_shift_us = 20 }";
+    let mode = "[{ object = \"1C32.1\", type = \"u16\", value = 3 }]";
+    let changes = [format!("drive_defaults.dc = {dc}"), format!("drive_defaults.parameters = {mode}")];
+    let mut bench = Bench::new(&plan_with(&[&changes[0], &changes[1]]));
+    bench.enable();
+    bench.run(200);
+    let number = |bench: &Bench, register: u16, length: usize| {
+        let mut bytes = [0; 8];
+        bytes[..length].copy_from_slice(&bench.peek(1, register, length));
+        u64::from_le_bytes(bytes)
+    };
+    let as_asked = |bench: &Bench| {
+        assert_eq!(number(bench, 0x0980, 2), 0x0730);
+        assert_eq!((number(bench, 0x09A0, 4), number(bench, 0x09A4, 4)), (250_000, 770_000));
+        // The first SYNC0 is half a cycle from the frames, so that SYNC1 is 20 us behind each fourth.
+        assert_eq!(number(bench, 0x0990, 8) % CYCLE_NS, 500_000);
+    };
+    as_asked(&bench);
+    assert_eq!(bench.robot.phase(), omnibase_robot::signals::Phase::Holding);
+    bench.inject(1, Fault::PowerCycle { off_for: Duration::from_millis(100) });
+    bench.run(110);
+    let back = (0..5000).find(|_| bench.cycle(None) == Exchange::Complete);
+    assert!(back.is_some(), "{:?}", bench.events);
+    as_asked(&bench);
+}
