@@ -8,6 +8,7 @@ use crate::Point;
 use crate::distance::{self, Between};
 use crate::footprint::{Footprint, placed};
 use crate::map::{Map, range};
+use crate::tiles::Tiles;
 
 /// How far a footprint may reach into a cell that is in the way, in cells: rounding.
 const TOUCH: f64 = 1e-9;
@@ -35,6 +36,8 @@ pub struct Space {
     beside_solids: Option<Vec<u32>>,
     /// Whether any cell is in the way beside polygons.
     has_cells: bool,
+    /// Which polygons may be the nearest.
+    tiles: Tiles,
 }
 
 /// Looks for a footprint with some room around it.
@@ -62,7 +65,8 @@ impl Space {
         let beside_solids = (!map.solids.is_empty()).then(|| counts_of(&map.blocked, width));
         drop(touched);
         let has_cells = map.blocked.contains(&true);
-        Space { map, clearance, counts, beside_solids, has_cells }
+        let tiles = Tiles::new(&map);
+        Space { map, clearance, counts, beside_solids, has_cells, tiles }
     }
 
     /// The clearance, with polygons as they are where a radius in this range, in cells, depends on it: the squares that they touch come nearer
@@ -105,7 +109,10 @@ impl Space {
                 }
             }
         }
-        self.map.solids.iter().fold(near, |near, solid| solid.distance([x, y], near))
+        if near <= 0.0 {
+            return 0.0;
+        }
+        self.tiles.nearest(&self.map.solids, [x, y]).fold(near, |near, solid| solid.distance([x, y], near))
     }
 
     /// From each cell's centre to the nearest square in the way or the border, in cells, row by row.
@@ -242,7 +249,10 @@ impl<'a> Checker<'a> {
         self.is_polygon_free(&space.counts, &corners, range)
             || space.beside_solids.as_ref().is_some_and(|counts| {
                 self.is_polygon_free(counts, &corners, range)
-                    && !space.map.solids.iter().any(|solid| solid.overlaps(&corners, range))
+                    && !space
+                        .tiles
+                        .within(&space.map.solids, [pose.x_m, pose.y_m], self.reach)
+                        .any(|solid| solid.overlaps(&corners, range))
             })
     }
 
@@ -301,13 +311,17 @@ fn counts_of(blocked: &[bool], width: usize) -> Vec<u32> {
 fn clearance_of(blocked: &[bool], width: usize) -> Vec<f32> {
     let height = blocked.len() / width;
     let squares = distance::squares(blocked, width, Between::CentreAndSquare);
+    let border = |at: usize, count: usize| at.min(count - 1 - at) as f32 + 0.5;
+    let across: Vec<f32> = (0..width).map(|column| border(column, width)).collect();
     let mut clearance = Vec::with_capacity(blocked.len());
     for (row, squares) in squares.chunks_exact(width).enumerate() {
-        let across = row.min(height - 1 - row);
-        clearance.extend(squares.iter().enumerate().map(|(column, square)| {
-            let border = column.min(width - 1 - column).min(across) as f64 + 0.5;
-            square.sqrt().min(border) as f32
-        }));
+        let along = border(row, height);
+        // The root of what was rounded once is rounded right.
+        let nearest = squares
+            .iter()
+            .zip(&across)
+            .map(|(square, across)| (*square as f32).sqrt().min(across.min(along)));
+        clearance.extend(nearest);
     }
     clearance
 }
