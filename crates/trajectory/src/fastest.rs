@@ -79,6 +79,20 @@ const SHORTER: f64 = 0.8;
 /// Where pieces of the progress are looked at: beside their joints, and between them.
 const LOOKS: [f64; 3] = [0.001, 0.5, 0.999];
 
+/// So far beside a joint of the way its sides are looked at, over the whole: rounding is far less.
+const BESIDE: f64 = 1e-9;
+
+/// Where a motion is looked at.
+struct Looks<'a> {
+    grid: &'a Grid,
+    /// σ of the way's joints.
+    joints: &'a [f64],
+    /// The mean's window, s.
+    window_s: f64,
+    /// Which intervals of the grid something new is near: only there is anything to see.
+    is_near: &'a [bool],
+}
+
 /// What a motion is smoothed from: the fastest progress without regard to jerk.
 struct Start {
     grid: Grid,
@@ -114,6 +128,7 @@ impl Start {
         window_s: f64,
     ) -> Result<Progress, FastestError> {
         let (mut grid, mut reached) = (self.grid.clone(), self.reached.clone());
+        let joints = path.breaks();
         let mut calm: f64 = 0.0;
         let mut round = 0;
         loop {
@@ -124,7 +139,8 @@ impl Start {
             }
             round += 1;
             let is_near = grid.near(&reached, window_s);
-            let (mut excesses, mut most) = found.excesses(&grid, bounds, window_s, &is_near, &mut calm);
+            let looks = Looks { grid: &grid, joints: &joints, window_s, is_near: &is_near };
+            let (mut excesses, mut most) = found.excesses(&looks, bounds, &mut calm);
             // What cools is slower: a look before the others' rounds, and one behind them.
             let is_kept = most <= 1.0 + NEAR || round == ROUNDS;
             let hot = if round == 1 || is_kept { found.too_hot(bounds) } else { Vec::new() };
@@ -181,19 +197,24 @@ impl<P: GeometricPath> FastestTrajectory<P> {
         FastestTrajectory { path, progress, breaks_s, passes_s: [None; 2] }
     }
 
-    /// Where the motion exceeds limits, and by how much longer the whole would have to take to keep them. Only near what is new
-    /// there is anything to see; `calm` is the most that was seen elsewhere.
-    fn excesses(
-        &self,
-        grid: &Grid,
-        bounds: &PlatformBounds,
-        window_s: f64,
-        is_near: &[bool],
-        calm: &mut f64,
-    ) -> (Vec<Excess>, f64) {
+    /// Where the motion exceeds limits, and by how much longer the whole would have to take to keep them; `calm` is the most that was seen
+    /// where it isn't looked again.
+    fn excesses(&self, looks: &Looks<'_>, bounds: &PlatformBounds, calm: &mut f64) -> (Vec<Excess>, f64) {
         let mut found = Vec::new();
         let mut most: f64 = 1.0;
-        let (mut at, mut of_path) = (0, 0);
+        let (mut at, mut joint, mut of_path) = (0, 0, 0);
+        let mut look = |time_s: f64, setpoint: &Setpoint| {
+            let pace = bounds.pace(setpoint);
+            if pace > 1.0 + 0.5 * NEAR {
+                let between = [-0.5, 0.5].map(|part| self.progress.at(time_s + part * looks.window_s)[0]);
+                found.push(Excess { between, pace });
+                most = most.max(pace);
+            } else {
+                *calm = calm.max(pace);
+            }
+        };
+        let Looks { grid, joints, is_near, .. } = looks;
+        let beside = BESIDE * self.path.length();
         for piece in 0..self.progress.piece_count() {
             let sigma = self.progress.in_piece(piece, 0.0).1[0];
             while at + 1 < is_near.len() && grid.sigma[at + 1] <= sigma {
@@ -204,13 +225,17 @@ impl<P: GeometricPath> FastestTrajectory<P> {
             }
             for part in LOOKS {
                 let (time_s, progress) = self.progress.in_piece(piece, part);
-                let pace = bounds.pace(&self.along(progress, &mut of_path));
-                if pace > 1.0 + 0.5 * NEAR {
-                    let between = [-0.5, 0.5].map(|part| self.progress.at(time_s + part * window_s)[0]);
-                    found.push(Excess { between, pace });
-                    most = most.max(pace);
-                } else {
-                    *calm = calm.max(pace);
+                look(time_s, &self.along(progress, 1.0, &mut of_path));
+            }
+            // Where the way's third derivative jumps, the jerk does: both sides of it count.
+            let end = self.progress.in_piece(piece, 1.0).1[0];
+            joint += joints[joint..].iter().take_while(|joint| **joint <= sigma).count();
+            for sigma in joints[joint..].iter().take_while(|joint| **joint < end) {
+                let (time_s, progress) = self.progress.in_piece_at(piece, *sigma);
+                for side in [-1.0, 1.0] {
+                    let [_, rate, second, third] = progress;
+                    let beside = [sigma + side * beside, rate, second, third];
+                    look(time_s, &self.along(beside, side, &mut of_path));
                 }
             }
         }
@@ -222,7 +247,7 @@ impl<P: GeometricPath> FastestTrajectory<P> {
         let Some(heat) = &bounds.heat else { return Vec::new() };
         let mut of_path = 0;
         let warming = heat.warming(self.progress.times_s(), |piece, part| {
-            self.along(self.progress.in_piece(piece, part).1, &mut of_path)
+            self.along(self.progress.in_piece(piece, part).1, 1.0, &mut of_path)
         });
         let excess = |(times_s, load): ([f64; 2], f64)| Excess {
             between: times_s.map(|time_s| self.progress.at(time_s)[0]),
@@ -231,10 +256,9 @@ impl<P: GeometricPath> FastestTrajectory<P> {
         warming.windows().filter(|(_, load)| *load > 1.0 + 0.5 * NEAR).map(excess).collect()
     }
 
-    /// The setpoint at a progress, near a piece of the path.
-    fn along(&self, progress: [f64; 4], piece: &mut usize) -> Setpoint {
-        // At a joint the half counts in which it will be next.
-        let axes = self.path.sample_near(progress[0], 1.0, piece);
+    /// The setpoint at a progress, near a piece of the path, on a side of its joints.
+    fn along(&self, progress: [f64; 4], side: f64, piece: &mut usize) -> Setpoint {
+        let axes = self.path.sample_near(progress[0], side, piece);
         Setpoint::from_axes(axes.map(|axis| over_time(axis, progress)))
     }
 
@@ -255,7 +279,8 @@ impl<P: GeometricPath> Trajectory for FastestTrajectory<P> {
     }
 
     fn sample(&self, time_s: f64) -> Setpoint {
-        self.along(self.progress.at(time_s), &mut 0)
+        // At a joint the half counts in which it will be next.
+        self.along(self.progress.at(time_s), 1.0, &mut 0)
     }
 
     fn breaks_s(&self) -> Vec<f64> {
