@@ -193,7 +193,7 @@ impl<P: GeometricPath> FastestTrajectory<P> {
         FastestTrajectory::that(path, bounds, |_, _| true)
     }
 
-    /// The fastest motion along a path, but a shorter mean is taken only where its progress is as it must be.
+    /// The fastest motion along a path, but another mean than the first is taken only where its progress is as it must be.
     fn that(
         path: P,
         bounds: &PlatformBounds,
