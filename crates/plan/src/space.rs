@@ -8,6 +8,7 @@ use crate::Point;
 use crate::distance::{self, Between};
 use crate::footprint::{Footprint, placed};
 use crate::map::{Map, range};
+use crate::smooth::between;
 use crate::tiles::Tiles;
 
 /// How far a footprint may reach into a cell that is in the way, in cells: rounding.
@@ -242,13 +243,25 @@ impl<'a> Checker<'a> {
         }
     }
 
+    /// The same of a motion whose ends are known to be free: only between them is looked.
+    pub(crate) fn is_free_between_in_cells(&mut self, from: &Pose2, to: &Pose2) -> bool {
+        let moves = from.distance_m(*to) + self.reach * (to.heading_rad - from.heading_rad).abs();
+        let pieces = (moves / self.step).ceil() as usize;
+        (1..pieces).all(|number| self.is_free_in_cells(&between(from, to, number as f64 / pieces as f64)))
+    }
+
     fn is_outline_free(&mut self, pose: &Pose2) -> bool {
         let (space, corners) = (self.space, placed(&self.outline, pose));
         let range = range(&corners);
+        let [[left, low], [right, high]] = range;
+        let (width, height) = (space.map.width as f64, space.map.height as f64);
+        if !(left >= -TOUCH && low >= -TOUCH && right <= width + TOUCH && high <= height + TOUCH) {
+            return false;
+        }
         // Most that touch no polygon touch none of its cells either.
-        self.is_polygon_free(&space.counts, &corners, range)
+        self.is_polygon_free(&space.counts, &corners, [low, high])
             || space.beside_solids.as_ref().is_some_and(|counts| {
-                self.is_polygon_free(counts, &corners, range)
+                (!space.has_cells || self.is_polygon_free(counts, &corners, [low, high]))
                     && !space
                         .tiles
                         .within(&space.map.solids, [pose.x_m, pose.y_m], self.reach)
@@ -256,20 +269,11 @@ impl<'a> Checker<'a> {
             })
     }
 
-    /// Whether a convex polygon touches nothing, in cells: a row of cells meets it in one range.
-    fn is_polygon_free(
-        &mut self,
-        counts: &[u32],
-        corners: &[Point],
-        [[left, low], [right, high]]: [Point; 2],
-    ) -> bool {
-        let map = &self.space.map;
-        let is_within = left >= -TOUCH && low >= -TOUCH;
-        if !(is_within && right <= map.width as f64 + TOUCH && high <= map.height as f64 + TOUCH) {
-            return false;
-        }
+    /// Whether a convex polygon within the map, from its lowest to its highest coordinate, touches nothing, in cells: a row of cells meets it in one
+    /// range.
+    fn is_polygon_free(&mut self, counts: &[u32], corners: &[Point], [low, high]: [f64; 2]) -> bool {
         let first = (low + TOUCH) as usize;
-        let end = up(high - TOUCH).min(map.height);
+        let end = up(high - TOUCH).min(self.space.map.height);
         self.rows.clear();
         self.rows.resize(end.saturating_sub(first), [f64::INFINITY, f64::NEG_INFINITY]);
         for (number, from) in corners.iter().enumerate() {
