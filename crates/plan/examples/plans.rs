@@ -3,6 +3,8 @@
 //! `cargo run --release -p omnibase-plan --example plans -- 100000` prints the table; a second argument is a file for the plans, a room a
 //! line, which `check_plans.py` beside this file looks at with shapely.
 
+mod written;
+
 use std::fs::File;
 use std::io::{BufWriter, Write as _};
 
@@ -269,7 +271,8 @@ fn main() {
             let scene = Scene { number, space: &space, footprint, blocks: &blocks, graph };
             let plans: Vec<Plan> = (0..EACH).filter_map(|_| ask(row, &mut random, &scene)).collect();
             if let Some(file) = &mut file {
-                scene.write(file, &plans).expect("the file can be written");
+                written::write(file, ROOM_M, scene.blocks, footprint, &plans)
+                    .expect("the file can be written");
             }
         }
     }
@@ -364,22 +367,6 @@ struct Scene<'a> {
     blocks: &'a [Block],
     /// The shortest ways of a disc in it, where they are asked for.
     graph: Option<Graph>,
-}
-
-impl Scene<'_> {
-    /// Writes the room and plans in it as a line of JSON: m and rad.
-    fn write(&self, file: &mut impl std::io::Write, plans: &[Plan]) -> std::io::Result<()> {
-        let poses = |plan: &Plan| -> Vec<[f64; 3]> {
-            plan.poses.iter().map(|pose| [pose.x_m, pose.y_m, pose.heading_rad]).collect()
-        };
-        writeln!(
-            file,
-            "{{\"room\": {ROOM_M:?}, \"blocks\": {:?}, \"outline\": {:?}, \"plans\": {:?}}}",
-            self.blocks,
-            self.footprint.corners_m(),
-            plans.iter().map(poses).collect::<Vec<_>>()
-        )
-    }
 }
 
 /// One plan between two free poses of a room, where there is one.

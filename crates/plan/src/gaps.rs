@@ -65,7 +65,8 @@ impl<'a> Gaps<'a> {
             0.5 * rise[0].hypot(rise[1]) < RIDGE_RISE
         };
         let near = clearance.iter().enumerate().filter(|(_, room)| range.contains(room));
-        let near = near.map(|(at, _)| at).filter(|at| is_near_ridge(*at));
+        // Nothing stands in an occupied cell.
+        let near = near.map(|(at, _)| at).filter(|at| !space.map.blocked[*at] && is_near_ridge(*at));
         let found = near.filter_map(|cell| Some((cell, middle(space, cell, f64::from(radius))?)));
         let mut found: Vec<(usize, Point)> = found.collect();
         let centre = |cell: usize| [(cell % width) as f64 + 0.5, (cell / width) as f64 + 0.5];

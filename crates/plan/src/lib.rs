@@ -15,6 +15,7 @@
 //! Poses are in the map's frame, lengths in m, angles in rad. Planning allocates; nothing here knows a clock.
 #![forbid(unsafe_code)]
 
+mod ahead;
 pub mod distance;
 pub mod footprint;
 pub mod gaps;
@@ -25,6 +26,7 @@ pub mod search;
 pub mod smooth;
 pub mod space;
 pub mod sweep;
+mod tiles;
 pub mod turning;
 pub mod until;
 

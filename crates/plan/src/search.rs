@@ -4,6 +4,7 @@
 //! four corners of the square between them open, so that no occupied cell reaches in between by more than a few tenths of a
 //! millimetre.
 
+use crate::ahead::Ahead;
 use crate::gaps::{AROUND, Gap, Gaps, number};
 use crate::space::Space;
 use crate::until::Until;
@@ -212,40 +213,46 @@ impl<'a> Search<'a> {
 
     /// The cells of the shortest way where it turns, both ends with it; `None` where there is none.
     pub fn shortest(&self, from: usize, to: usize) -> Option<Vec<usize>> {
+        let mut way = self.tree(from, to)?.way(to);
+        self.pull(&mut way);
+        Some(way)
+    }
+
+    /// How cells are reached until another one is; `None` where it isn't.
+    fn tree(&self, from: usize, to: usize) -> Option<Tree> {
         if !self.takes(from) || !self.takes(to) {
             return None;
         }
+        let ahead = Ahead::new(self, [self.width, self.height], from, to)?;
         let mut tree = Tree::new(self.clearance.len());
         tree.reach(from, NOBODY, 0.0);
-        let goal = self.place(to);
         let mut queue = self.queue();
-        queue.add(self.apart(from, to), from);
+        queue.add(ahead.left(self.place(from)), from);
         while let Some(at) = queue.next() {
-            if tree.done[at] {
+            if tree.cells[at].is_done {
                 continue;
             }
             self.settle(&mut tree, at);
-            tree.done[at] = true;
+            tree.cells[at].is_done = true;
             if at == to {
-                let mut way = tree.way(to);
-                self.pull(&mut way);
-                return Some(way);
+                return Some(tree);
             }
-            let parent = match tree.parent[at] {
+            let parent = match tree.cells[at].parent {
                 NOBODY => at,
                 parent => parent as usize,
             };
-            let (turn, so_far) = (self.place(parent), tree.length[parent]);
+            let (turn, so_far) = (self.place(parent), tree.cells[parent].length);
             let (neighbours, count) = self.neighbours(at);
             for next in &neighbours[..count] {
-                if tree.done[*next] {
+                let reached = tree.cells[*next];
+                if reached.is_done {
                     continue;
                 }
                 let place = self.place(*next);
                 let length = so_far + distance(turn, place);
-                if length < tree.length[*next] {
+                if length < reached.length {
                     tree.reach(*next, parent as u32, length);
-                    queue.add(length + distance(place, goal), *next);
+                    queue.add(length + ahead.left(place), *next);
                 }
             }
         }
@@ -254,19 +261,45 @@ impl<'a> Search<'a> {
 
     /// Looks whether a cell's parent sees it; otherwise the best neighbour becomes its parent.
     fn settle(&self, tree: &mut Tree, at: usize) {
-        let parent = tree.parent[at];
-        if parent == NOBODY || self.sees(parent as usize, at) {
+        let parent = tree.cells[at].parent;
+        if parent == NOBODY || self.is_seen_beside(tree, at) || self.sees(parent as usize, at) {
             return;
         }
         let (neighbours, count) = self.neighbours(at);
         let mut best = (f32::INFINITY, NOBODY);
-        for next in neighbours[..count].iter().filter(|next| tree.done[**next]) {
-            let length = tree.length[*next] + self.apart(*next, at);
+        for next in neighbours[..count].iter().filter(|next| tree.cells[**next].is_done) {
+            let length = tree.cells[*next].length + self.apart(*next, at);
             if length < best.0 {
                 best = (length, *next as u32);
             }
         }
         tree.reach(at, best.1, best.0);
+    }
+
+    /// Whether a cell's parent sees it because it sees both neighbours between which it looks at it: their views are a cell apart at most, so
+    /// that together they go through every square that one between them goes through, but for the last.
+    fn is_seen_beside(&self, tree: &Tree, at: usize) -> bool {
+        let parent = tree.cells[at].parent as usize;
+        let ((column, row), (column_from, row_from)) = (self.split(at), self.split(parent));
+        let (right, above) = (column > column_from, row > row_from);
+        let (across, along) = (column.abs_diff(column_from), row.abs_diff(row_from));
+        // Along a line of centres, or of diagonals, there is one neighbour.
+        if across == 0 || along == 0 || across == along {
+            return false;
+        }
+        let back =
+            |cell: usize, is_rising: bool, step: usize| if is_rising { cell - step } else { cell + step };
+        let (beside, below) = (back(at, right, 1), back(at, above, self.width));
+        let diagonal = back(beside, above, self.width);
+        let (straight, last) = if across > along { (beside, below) } else { (below, beside) };
+        let is_seen = |cell: usize| {
+            let reached = tree.cells[cell];
+            reached.is_done && (reached.parent as usize == parent || cell == parent)
+        };
+        is_seen(straight)
+            && is_seen(diagonal)
+            && self.is_open(last)
+            && (self.gaps.is_empty() || [at, parent].iter().all(|cell| self.gap(*cell).is_none()))
     }
 
     /// Leaves out turns that aren't needed, and moves the others to where the way is shorter.
@@ -385,24 +418,32 @@ impl Along {
 
 /// How each cell is reached.
 struct Tree {
-    length: Vec<f32>,
-    parent: Vec<u32>,
-    done: Vec<bool>,
+    cells: Vec<Reached>,
+}
+
+/// How a cell is reached: what belongs together lies together.
+#[derive(Clone, Copy)]
+struct Reached {
+    length: f32,
+    parent: u32,
+    is_done: bool,
 }
 
 impl Tree {
     fn new(cells: usize) -> Self {
-        Tree { length: vec![f32::INFINITY; cells], parent: vec![NOBODY; cells], done: vec![false; cells] }
+        Tree { cells: vec![Reached { length: f32::INFINITY, parent: NOBODY, is_done: false }; cells] }
     }
 
     fn reach(&mut self, at: usize, parent: u32, length: f32) {
-        self.length[at] = length;
-        self.parent[at] = parent;
+        let cell = &mut self.cells[at];
+        (cell.length, cell.parent) = (length, parent);
     }
 
     fn way(&self, to: usize) -> Vec<usize> {
         let mut way = vec![to];
-        while let Some(parent) = way.last().map(|at| self.parent[*at]).filter(|parent| *parent != NOBODY) {
+        while let Some(parent) =
+            way.last().map(|at| self.cells[*at].parent).filter(|parent| *parent != NOBODY)
+        {
             way.push(parent as usize);
         }
         way.reverse();
@@ -442,5 +483,87 @@ impl Queue<'_> {
             self.at += 1;
         }
         None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::Map;
+
+    /// Squares of one to six cells, wherever they come; the corners of the room stay free.
+    fn cluttered(seed: u64, [width, height]: [usize; 2]) -> Space {
+        let mut state = seed;
+        let mut next = |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+            (state >> 33) as usize % below
+        };
+        let mut map = Map::empty([width, height], 1.0).unwrap();
+        for _ in 0..width * height / 60 {
+            let (column, row, side) = (next(width), next(height), 1 + next(6));
+            for row in row..(row + side).min(height) {
+                for column in column..(column + side).min(width) {
+                    let is_corner = column.min(width - 1 - column) < 4 && row.min(height - 1 - row) < 4;
+                    map.blocked[row * width + column] |= !is_corner;
+                }
+            }
+        }
+        Space::new(map)
+    }
+
+    #[test]
+    fn whoever_is_reached_is_seen_from_where_the_way_turned() {
+        let size = [90, 70];
+        let (mut found, mut looked) = (0, 0);
+        for seed in 0..40 {
+            let space = cluttered(seed, size);
+            let search = Search::new(&space, space.clearance(), 1.0);
+            let (from, to) = (search.index(1, 1), search.index(size[0] - 2, size[1] - 2));
+            let Some(tree) = search.tree(from, to) else { continue };
+            found += 1;
+            for (at, cell) in tree.cells.iter().enumerate().filter(|(_, cell)| cell.is_done) {
+                if cell.parent != NOBODY {
+                    looked += 1;
+                    assert!(search.sees(cell.parent as usize, at), "seed {seed}: {} to {at}", cell.parent);
+                }
+            }
+        }
+        assert!(found > 20 && looked > 10_000, "{found} ways, {looked} cells");
+    }
+
+    #[test]
+    fn what_is_left_of_a_way_is_never_told_longer_than_it_is_and_around_walls_hardly_shorter() {
+        let size = [90, 70];
+        let mut found = 0;
+        for seed in 0..200 {
+            let space = cluttered(seed, size);
+            let search = Search::new(&space, space.clearance(), 1.0);
+            let (from, to) = (search.index(1, 1), search.index(size[0] - 2, size[1] - 2));
+            let Some(way) = search.shortest(from, to) else { continue };
+            found += 1;
+            let ahead = Ahead::new(&search, size, from, to).unwrap();
+            for (number, at) in way.iter().enumerate() {
+                let (left, rest) = (ahead.left(search.place(*at)), search.length(&way[number..]) as f32);
+                assert!(left <= rest + 1e-3, "seed {seed}: {left} of {rest}");
+            }
+        }
+        assert!(found > 100, "{found} ways");
+        // Around the ends of three walls.
+        let mut map = Map::empty([200, 200], 1.0).unwrap();
+        for (column, rows) in [(50, 0..180), (100, 20..200), (150, 0..180)] {
+            rows.for_each(|row| map.blocked[row * 200 + column] = true);
+        }
+        let space = Space::new(map);
+        let search = Search::new(&space, space.clearance(), 3.0);
+        let (from, to) = (search.index(10, 10), search.index(190, 10));
+        let length = search.length(&search.shortest(from, to).unwrap()) as f32;
+        let left = Ahead::new(&search, [200, 200], from, to).unwrap().left(search.place(from));
+        assert!(length > 500.0 && left > 0.95 * length, "{left} of {length}");
+        // What is closed off is told at once.
+        let mut map = space.map.clone();
+        (180..200).for_each(|row| map.blocked[row * 200 + 50] = true);
+        let space = Space::new(map);
+        let search = Search::new(&space, space.clearance(), 3.0);
+        assert!(Ahead::new(&search, [200, 200], from, to).is_none() && search.shortest(from, to).is_none());
     }
 }

@@ -8,6 +8,8 @@ use crate::Point;
 use crate::distance::{self, Between};
 use crate::footprint::{Footprint, placed};
 use crate::map::{Map, range};
+use crate::smooth::between;
+use crate::tiles::Tiles;
 
 /// How far a footprint may reach into a cell that is in the way, in cells: rounding.
 const TOUCH: f64 = 1e-9;
@@ -35,6 +37,8 @@ pub struct Space {
     beside_solids: Option<Vec<u32>>,
     /// Whether any cell is in the way beside polygons.
     has_cells: bool,
+    /// Which polygons may be the nearest.
+    tiles: Tiles,
 }
 
 /// Looks for a footprint with some room around it.
@@ -62,7 +66,8 @@ impl Space {
         let beside_solids = (!map.solids.is_empty()).then(|| counts_of(&map.blocked, width));
         drop(touched);
         let has_cells = map.blocked.contains(&true);
-        Space { map, clearance, counts, beside_solids, has_cells }
+        let tiles = Tiles::new(&map);
+        Space { map, clearance, counts, beside_solids, has_cells, tiles }
     }
 
     /// The clearance, with polygons as they are where a radius in this range, in cells, depends on it: the squares that they touch come nearer
@@ -105,7 +110,10 @@ impl Space {
                 }
             }
         }
-        self.map.solids.iter().fold(near, |near, solid| solid.distance([x, y], near))
+        if near <= 0.0 {
+            return 0.0;
+        }
+        self.tiles.nearest(&self.map.solids, [x, y]).fold(near, |near, solid| solid.distance([x, y], near))
     }
 
     /// From each cell's centre to the nearest square in the way or the border, in cells, row by row.
@@ -235,31 +243,37 @@ impl<'a> Checker<'a> {
         }
     }
 
+    /// The same of a motion whose ends are known to be free: only between them is looked.
+    pub(crate) fn is_free_between_in_cells(&mut self, from: &Pose2, to: &Pose2) -> bool {
+        let moves = from.distance_m(*to) + self.reach * (to.heading_rad - from.heading_rad).abs();
+        let pieces = (moves / self.step).ceil() as usize;
+        (1..pieces).all(|number| self.is_free_in_cells(&between(from, to, number as f64 / pieces as f64)))
+    }
+
     fn is_outline_free(&mut self, pose: &Pose2) -> bool {
         let (space, corners) = (self.space, placed(&self.outline, pose));
         let range = range(&corners);
+        let [[left, low], [right, high]] = range;
+        let (width, height) = (space.map.width as f64, space.map.height as f64);
+        if !(left >= -TOUCH && low >= -TOUCH && right <= width + TOUCH && high <= height + TOUCH) {
+            return false;
+        }
         // Most that touch no polygon touch none of its cells either.
-        self.is_polygon_free(&space.counts, &corners, range)
+        self.is_polygon_free(&space.counts, &corners, [low, high])
             || space.beside_solids.as_ref().is_some_and(|counts| {
-                self.is_polygon_free(counts, &corners, range)
-                    && !space.map.solids.iter().any(|solid| solid.overlaps(&corners, range))
+                (!space.has_cells || self.is_polygon_free(counts, &corners, [low, high]))
+                    && !space
+                        .tiles
+                        .within(&space.map.solids, [pose.x_m, pose.y_m], self.reach)
+                        .any(|solid| solid.overlaps(&corners, range))
             })
     }
 
-    /// Whether a convex polygon touches nothing, in cells: a row of cells meets it in one range.
-    fn is_polygon_free(
-        &mut self,
-        counts: &[u32],
-        corners: &[Point],
-        [[left, low], [right, high]]: [Point; 2],
-    ) -> bool {
-        let map = &self.space.map;
-        let is_within = left >= -TOUCH && low >= -TOUCH;
-        if !(is_within && right <= map.width as f64 + TOUCH && high <= map.height as f64 + TOUCH) {
-            return false;
-        }
+    /// Whether a convex polygon within the map, from its lowest to its highest coordinate, touches nothing, in cells: a row of cells meets it in one
+    /// range.
+    fn is_polygon_free(&mut self, counts: &[u32], corners: &[Point], [low, high]: [f64; 2]) -> bool {
         let first = (low + TOUCH) as usize;
-        let end = up(high - TOUCH).min(map.height);
+        let end = up(high - TOUCH).min(self.space.map.height);
         self.rows.clear();
         self.rows.resize(end.saturating_sub(first), [f64::INFINITY, f64::NEG_INFINITY]);
         for (number, from) in corners.iter().enumerate() {
@@ -301,13 +315,17 @@ fn counts_of(blocked: &[bool], width: usize) -> Vec<u32> {
 fn clearance_of(blocked: &[bool], width: usize) -> Vec<f32> {
     let height = blocked.len() / width;
     let squares = distance::squares(blocked, width, Between::CentreAndSquare);
+    let border = |at: usize, count: usize| at.min(count - 1 - at) as f32 + 0.5;
+    let across: Vec<f32> = (0..width).map(|column| border(column, width)).collect();
     let mut clearance = Vec::with_capacity(blocked.len());
     for (row, squares) in squares.chunks_exact(width).enumerate() {
-        let across = row.min(height - 1 - row);
-        clearance.extend(squares.iter().enumerate().map(|(column, square)| {
-            let border = column.min(width - 1 - column).min(across) as f64 + 0.5;
-            square.sqrt().min(border) as f32
-        }));
+        let along = border(row, height);
+        // The root of what was rounded once is rounded right.
+        let nearest = squares
+            .iter()
+            .zip(&across)
+            .map(|(square, across)| (*square as f32).sqrt().min(across.min(along)));
+        clearance.extend(nearest);
     }
     clearance
 }

@@ -129,10 +129,11 @@ impl<'a, 'c> Turning<'a, 'c> {
         self.looked[state] == 1
     }
 
+    /// Whether a step between two free states is.
     fn is_step_free(&mut self, from: (usize, usize), to: (usize, usize)) -> bool {
         let (from, mut to) = (self.pose(from.0, from.1), self.pose(to.0, to.1));
         to.heading_rad = from.heading_rad + wrap_angle_rad(to.heading_rad - from.heading_rad);
-        self.checker.is_motion_free_in_cells(&from, &to)
+        self.checker.is_free_between_in_cells(&from, &to)
     }
 
     /// From every cell to a goal, in cells of way for the disc that all headings cover.

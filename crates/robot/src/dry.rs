@@ -207,7 +207,8 @@ impl DryRun {
             ),
         };
         let mut most: Option<(Limit, f64)> = None;
-        for (limit, load) in bounds.loads(&whole) {
+        bounds.loads(&whole, |limit, taken, may| {
+            let load = taken / may;
             let found = self.asked.iter_mut().find(|asked| asked.limit == limit);
             match found {
                 Some(asked) if load > asked.most.0 => asked.most = (load, time_s),
@@ -217,7 +218,7 @@ impl DryRun {
             if load > most.map_or(0.0, |(_, most)| most) {
                 most = Some((limit, load));
             }
-        }
+        });
         let moment = Moment { time_s, setpoint: *setpoint, most, friction: 0.0 };
         if let Some(binding) = moment.binding()
             && let Some(asked) = self.asked.iter_mut().find(|asked| asked.limit == binding)

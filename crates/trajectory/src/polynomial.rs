@@ -45,15 +45,21 @@ impl Polynomial {
 
     /// Value and first three derivatives at a time since the segment's beginning.
     pub fn derivatives(&self, time_s: f64) -> [f64; 4] {
-        let mut found = [0.0; 4];
-        for coefficient in self.coefficients.into_iter().rev() {
-            // Horner's rule for all derivatives at once; they come without their factorials.
-            found[3] = found[3] * time_s + found[2];
-            found[2] = found[2] * time_s + found[1];
-            found[1] = found[1] * time_s + found[0];
-            found[0] = found[0] * time_s + coefficient;
+        // Horner's rule for all derivatives at once; they come without their factorials. A derivative of an order begins that many
+        // coefficients later.
+        let [.., c2, c3, c4, c5] = self.coefficients;
+        let (mut value, mut first) = (c5 * time_s + c4, c5);
+        let mut second = first;
+        (first, value) = (first * time_s + value, value * time_s + c3);
+        let mut third = second;
+        (second, first, value) = (second * time_s + first, first * time_s + value, value * time_s + c2);
+        for coefficient in [self.coefficients[1], self.coefficients[0]] {
+            third = third * time_s + second;
+            second = second * time_s + first;
+            first = first * time_s + value;
+            value = value * time_s + coefficient;
         }
-        [found[0], found[1], 2.0 * found[2], 6.0 * found[3]]
+        [value, first, 2.0 * second, 6.0 * third]
     }
 
     /// The same polynomial with its time counted from `time_s` on.

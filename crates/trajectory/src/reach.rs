@@ -6,6 +6,8 @@
 //! Reachability Analysis*, IEEE T-RO 34(3), 2018). Each interval keeps its limits at both of its ends (collocation by
 //! interpolation), so singular points need no care of their own.
 
+use std::ops::Range;
+
 /// Limits on the acceleration, in its axes: x and y in m/s², the turn in rad/s².
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct AccelerationBounds {
@@ -128,20 +130,25 @@ impl Reached {
     /// Each interval was split into so many parts.
     pub fn split(&mut self, parts: &[usize]) {
         let old = std::mem::replace(self, Reached::new(parts.iter().sum()));
-        let mut to = 0;
-        for (at, count) in parts.iter().enumerate() {
-            self.copy_point(&old, at, to);
-            if *count == 1 {
-                self.changed[to] = old.changed[at];
+        let (mut from, mut to) = (0, 0);
+        for run in parts.chunk_by(|one, other| *one == 1 && *other == 1) {
+            let (end, count) = (from + run.len(), run.iter().sum::<usize>());
+            // Whoever is split is alone: its first point stays.
+            self.copy_points(&old, from..end, to);
+            if run[0] == 1 {
+                self.changed[to..to + count].copy_from_slice(&old.changed[from..end]);
             }
-            to += count;
+            (from, to) = (end, to + count);
         }
-        self.copy_point(&old, parts.len(), to);
+        self.copy_points(&old, parts.len()..parts.len() + 1, to);
     }
 
-    fn copy_point(&mut self, old: &Reached, from: usize, to: usize) {
-        (self.x[to], self.is_new[to]) = (old.x[from], old.is_new[from]);
-        (self.reach[to], self.reach_is_new[to]) = (old.reach[from], old.reach_is_new[from]);
+    fn copy_points(&mut self, old: &Reached, from: Range<usize>, to: usize) {
+        let into = to..to + from.len();
+        self.x[into.clone()].copy_from_slice(&old.x[from.clone()]);
+        self.is_new[into.clone()].copy_from_slice(&old.is_new[from.clone()]);
+        self.reach[into.clone()].copy_from_slice(&old.reach[from.clone()]);
+        self.reach_is_new[into].copy_from_slice(&old.reach_is_new[from]);
     }
 
     /// Solves where something changed; the arguments are those of [`fastest`], the same ones but for what was changed.
@@ -234,8 +241,9 @@ const STEPS: usize = 60;
 /// All limits on (u, x) of one interval.
 #[derive(Debug, Default)]
 struct Scene {
-    /// u·row[0] + x·row[1] <= row[2].
-    rows: Vec<[f64; 3]>,
+    /// u·row[0] + x·row[1] <= row[2]: those that bound u from above, and from below.
+    above: Vec<[f64; 3]>,
+    below: Vec<[f64; 3]>,
     disks: Vec<Disk>,
     /// x must not be greater, by limits that don't depend on u.
     ceiling: f64,
@@ -310,7 +318,8 @@ impl Scene {
     }
 
     fn clear(&mut self) {
-        self.rows.clear();
+        self.above.clear();
+        self.below.clear();
         self.disks.clear();
         self.ceiling = f64::INFINITY;
         self.target = None;
@@ -319,13 +328,15 @@ impl Scene {
     /// Takes the limits at a place where u makes an acceleration of p·u, and x one of the path's curve.
     fn add(&mut self, bend: &Bend, p: [f64; 3], bounds: &AccelerationBounds, share: f64) {
         let r = bend.curve;
-        let resistance = resisting(&bounds.resistance, &bend.rate);
+        let is_resisted = !bounds.resistance.is_empty();
+        let resistance = if is_resisted { resisting(&bounds.resistance, &bend.rate) } else { [0.0; 3] };
         for plane in &bounds.planes {
             let n = plane.normal;
             let [a, b] = [p, r].map(|v| n[0] * v[0] + n[1] * v[1] + n[2] * v[2]);
-            let most = plane.left(&resistance) * share;
+            let most = share * if is_resisted { plane.left(&resistance) } else { plane.most };
             if a.abs() > FLAT * b.abs() {
-                self.rows.push([a, b, most]);
+                let rows = if a > 0.0 { &mut self.above } else { &mut self.below };
+                rows.push([a, b, most]);
             } else if b > 0.0 {
                 self.ceiling = self.ceiling.min(most / b);
             }
@@ -343,37 +354,35 @@ impl Scene {
     }
 
     fn upper(&self, x: f64) -> Bound {
-        let mut least = Bound { at: f64::INFINITY, slope: 0.0, size: 0.0, disk: None };
-        let mut take = |bound: Bound| {
-            if bound.at < least.at {
-                least = bound;
-            }
-        };
-        for [a, b, most] in self.rows.iter().filter(|row| row[0] > 0.0) {
-            take(Bound::line(*most, [*a, *b], x));
-        }
-        if let Some(([_, high], length)) = self.target {
-            take(Bound::line(high, [2.0 * length, 1.0], x));
-        }
-        self.disks.iter().for_each(|disk| take(disk.bound(x, 1.0)));
-        least
+        self.bound(x, 1.0, &self.above)
     }
 
     fn lower(&self, x: f64) -> Bound {
-        let mut most = Bound { at: f64::NEG_INFINITY, slope: 0.0, size: 0.0, disk: None };
-        let mut take = |bound: Bound| {
-            if bound.at > most.at {
-                most = bound;
+        self.bound(x, -1.0, &self.below)
+    }
+
+    /// The bound of u at x that is met first: from above for `sign` 1, from below for −1.
+    fn bound(&self, x: f64, sign: f64, rows: &[[f64; 3]]) -> Bound {
+        let target =
+            self.target.map(|([low, high], length)| [2.0 * length, 1.0, if sign > 0.0 { high } else { low }]);
+        let mut first = (f64::INFINITY, None);
+        let mut take = |row: &[f64; 3]| {
+            let at = sign * ((row[2] - row[1] * x) / row[0]);
+            if at < first.0 {
+                first = (at, Some(*row));
             }
         };
-        for [a, b, limit] in self.rows.iter().filter(|row| row[0] < 0.0) {
-            take(Bound::line(*limit, [*a, *b], x));
+        rows.iter().for_each(&mut take);
+        target.iter().for_each(&mut take);
+        let free = Bound { at: sign * f64::INFINITY, slope: 0.0, size: 0.0, disk: None };
+        let mut bound = first.1.map_or(free, |[a, b, most]| Bound::line(most, [a, b], x));
+        for disk in &self.disks {
+            let other = disk.bound(x, sign);
+            if sign * other.at < sign * bound.at {
+                bound = other;
+            }
         }
-        if let Some(([low, _], length)) = self.target {
-            take(Bound::line(low, [2.0 * length, 1.0], x));
-        }
-        self.disks.iter().for_each(|disk| take(disk.bound(x, -1.0)));
-        most
+        bound
     }
 
     /// The greatest x at which some u keeps all limits, at most `most`.

@@ -86,6 +86,18 @@ const COPP: Witness = Witness {
     script: "third_order.py",
 };
 
+/// What both keep to, with a limit on the jerk and on the angular one.
+fn limits([jerk_m_s3, angular_jerk_rad_s3]: [f64; 2]) -> Limits {
+    Limits {
+        speed_m_s: 1.0,
+        acceleration_m_s2: 1.5,
+        jerk_m_s3,
+        rate_rad_s: 1.5,
+        angular_acceleration_rad_s2: 3.0,
+        angular_jerk_rad_s3,
+    }
+}
+
 /// The times of the first paths, by both.
 fn compared(witness: &Witness, count: usize, jerk: Option<[f64; 2]>) -> Option<Vec<[f64; 2]>> {
     let python = match python(witness.environment, witness.packages, witness.imports) {
@@ -96,15 +108,7 @@ fn compared(witness: &Witness, count: usize, jerk: Option<[f64; 2]>) -> Option<V
         }
     };
     // Without a limit one that is far away.
-    let [jerk_m_s3, angular_jerk_rad_s3] = jerk.unwrap_or([1e5, 1e5]);
-    let limits = Limits {
-        speed_m_s: 1.0,
-        acceleration_m_s2: 1.5,
-        jerk_m_s3,
-        rate_rad_s: 1.5,
-        angular_acceleration_rad_s2: 3.0,
-        angular_jerk_rad_s3,
-    };
+    let limits = limits(jerk.unwrap_or([1e5, 1e5]));
     let bounds = PlatformBounds::new(limits);
     let ways: Vec<Waves> = (0..count).map(Waves::new).collect();
     let own_s: Vec<f64> =
@@ -157,8 +161,8 @@ fn with_a_limit_on_jerk_the_time_is_the_optimum() {
 #[test]
 fn in_third_order_the_time_is_hardly_above_the_optimum_of_copp() {
     let count = std::env::var("OMNIBASE_COPP_PATHS").map_or(COPP_PATHS, |text| text.parse().unwrap());
-    // A jerk that costs a few percent, and one so small that the mean over a window misses the hundredth: up to 1.6 % were seen in 28
-    // paths. In the mean it is below: the means are tried shorter for that.
+    // A jerk that costs a few percent, and one so small that the mean over a window misses the hundredth here and there: of 100 paths five
+    // are more than that above, 2.4 % at most. In the mean it is a hundredth below.
     for (jerk, asked) in [([40.0, 80.0], 1.0), ([10.0, 20.0], 2.5)] {
         let Some(times_s) = compared(&COPP, count, Some(jerk)) else { return };
         let more = times_s.iter().map(|[own_s, found_s]| 100.0 * (own_s / found_s - 1.0));
@@ -172,6 +176,17 @@ fn in_third_order_the_time_is_hardly_above_the_optimum_of_copp() {
             more.len(),
             more[0]
         );
-        assert!(most < asked && mean < -0.2, "{most} %, {mean} % in the mean");
+        assert!(most < asked && mean < -0.5, "{most} %, {mean} % in the mean");
+    }
+}
+
+#[test]
+fn a_window_that_gains_nothing_is_not_the_last_one_tried() {
+    // Paths whose best window lies behind one that is worse, or is longer than the first one, and what `copp` finds for them (by the test
+    // above).
+    let bounds = PlatformBounds::new(limits([10.0, 20.0]));
+    for (number, found_s) in [(69, 6.2190), (20, 5.3625), (89, 5.3796)] {
+        let own_s = FastestTrajectory::new(Waves::new(number), &bounds).unwrap().duration_s();
+        assert!(own_s < 1.006 * found_s, "path {number}: {own_s} s, by copp {found_s} s");
     }
 }

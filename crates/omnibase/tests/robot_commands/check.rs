@@ -118,3 +118,34 @@ fn all_mistakes_of_a_file_are_told_at_once_with_their_places() {
         assert!(places.contains(place), "{place} in {places:?}");
     }
 }
+
+#[test]
+fn ends_that_are_passed_with_a_speed_are_told_with_their_runs_whatever_the_heading() {
+    let circle = "radius_m=0.5,turns=0.5,start_speed_m_s=0.4,end_speed_m_s=0.6";
+    for heading in [&[] as &[&str], &["--heading", "follows_tangent"], &["--heading", "free"]] {
+        let words = ["check", "robots/bmm.toml", "--circle", circle, "--timing", "fastest"];
+        let words: Vec<&str> = words.iter().chain(heading).copied().collect();
+        let text = prints(&words);
+        let told = json(&[words.as_slice(), &["--json"]].concat())["motion"].clone();
+        let number = |value: &Value| value.as_f64().unwrap_or_else(|| panic!("{heading:?}: {told}"));
+        for (end, speed_m_s, run) in [("start", 0.4, "from rest"), ("end", 0.6, "to rest")] {
+            let [time_s, found_m_s, run_m] =
+                ["time_s", "speed_m_s", "run_m"].map(|key| number(&told[end][key]));
+            assert!((found_m_s / speed_m_s - 1.0).abs() < 3e-3, "{heading:?}: {told}");
+            // v²/2a at 1.5 m/s² at least.
+            assert!((speed_m_s * speed_m_s / 3.0..0.3).contains(&run_m), "{heading:?}: {told}");
+            let line = format!(
+                "  passes its {end:<9} at {time_s:.3} s with {found_m_s:.3} m/s; a run of {run_m:.3} m {run}"
+            );
+            assert!(text.lines().any(|told| told == line), "{line}: {text}");
+        }
+        // Half of the circle, and both runs.
+        let [way_m, begin_m, end_m] =
+            [&told["way_m"], &told["start"]["run_m"], &told["end"]["run_m"]].map(number);
+        assert!((way_m - begin_m - end_m - 0.5 * std::f64::consts::PI).abs() < 0.01, "{heading:?}: {told}");
+        assert_eq!(text.contains("free:"), heading.contains(&"free"), "{text}");
+    }
+    // Who passes no end is told of none.
+    let text = prints(&["check", "robots/bmm.toml", "--circle", "radius_m=0.5", "--timing", "fastest"]);
+    assert!(!text.contains("passes its"), "{text}");
+}

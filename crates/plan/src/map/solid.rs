@@ -9,24 +9,37 @@ const TOUCH: f64 = 1e-9;
 #[derive(Clone, Debug, PartialEq)]
 pub struct Solid {
     corners: Vec<Point>,
+    sides: Vec<Side>,
     low: Point,
     high: Point,
+}
+
+/// A side of a polygon.
+#[derive(Clone, Debug, PartialEq)]
+struct Side {
+    from: Point,
+    /// To the next corner.
+    way: Point,
+    /// One over the square of its length; 0 where both corners are one.
+    per_square: f64,
 }
 
 impl Solid {
     pub(super) fn new(corners: Vec<Point>) -> Self {
         let [low, high] = range(&corners);
-        Solid { corners, low, high }
+        let side = |(at, from): (usize, &Point)| {
+            let to = corners[(at + 1) % corners.len()];
+            let way = [to[0] - from[0], to[1] - from[1]];
+            let square = way[0] * way[0] + way[1] * way[1];
+            Side { from: *from, way, per_square: if square > 0.0 { 1.0 / square } else { 0.0 } }
+        };
+        let sides = corners.iter().enumerate().map(side).collect();
+        Solid { corners, sides, low, high }
     }
 
     /// Its corners, in cells.
     pub(crate) fn corners(&self) -> &[Point] {
         &self.corners
-    }
-
-    fn sides(&self) -> impl Iterator<Item = [Point; 2]> + '_ {
-        let count = self.corners.len();
-        (0..count).map(move |at| [self.corners[at], self.corners[(at + 1) % count]])
     }
 
     fn is_near(&self, low: Point, high: Point) -> bool {
@@ -35,17 +48,16 @@ impl Solid {
 
     /// Whether a place lies inside: a ray from it crosses an odd number of sides.
     fn holds(&self, [x, y]: Point) -> bool {
-        let crosses = |[from, to]: &[Point; 2]| {
-            (from[1] > y) != (to[1] > y)
-                && x < from[0] + (y - from[1]) / (to[1] - from[1]) * (to[0] - from[0])
+        let crosses = |Side { from, way, .. }: &&Side| {
+            (from[1] > y) != (from[1] + way[1] > y) && x < from[0] + (y - from[1]) / way[1] * way[0]
         };
-        self.sides().filter(crosses).count() % 2 == 1
+        self.sides.iter().filter(crosses).count() % 2 == 1
     }
 
     /// Whether a convex polygon, counter-clockwise, of which this is the range, overlaps it.
     pub(crate) fn overlaps(&self, convex: &[Point], [low, high]: [Point; 2]) -> bool {
         self.is_near(low, high)
-            && (self.holds(convex[0]) || self.sides().any(|side| goes_through(side, convex)))
+            && (self.holds(convex[0]) || self.sides.iter().any(|side| side.goes_through(convex, [low, high])))
     }
 
     /// From a place to it, 0 inside, or something that isn't below `enough`.
@@ -58,7 +70,7 @@ impl Solid {
         if self.holds([x, y]) {
             return 0.0;
         }
-        let squares = self.sides().map(|side| square_distance([x, y], side));
+        let squares = self.sides.iter().map(|side| side.square_distance([x, y]));
         squares.fold(enough * enough, f64::min).sqrt()
     }
 }
@@ -71,38 +83,48 @@ pub(crate) fn range(corners: &[Point]) -> [Point; 2] {
     [far(f64::min, f64::INFINITY), far(f64::max, f64::NEG_INFINITY)]
 }
 
-/// Whether a piece of a line goes through the inside of a convex polygon (Cyrus and Beck's clipping).
-fn goes_through([from, to]: [Point; 2], convex: &[Point]) -> bool {
-    let way = [to[0] - from[0], to[1] - from[1]];
-    let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
-    for (at, corner) in convex.iter().enumerate() {
-        let next = convex[(at + 1) % convex.len()];
-        let side = [next[0] - corner[0], next[1] - corner[1]];
-        let size = side[0].hypot(side[1]);
-        // How far inside of this side it begins, and how fast it goes further in.
-        let inside = (side[0] * (from[1] - corner[1]) - side[1] * (from[0] - corner[0])) / size - TOUCH;
-        let rate = (side[0] * way[1] - side[1] * way[0]) / size;
-        if rate == 0.0 {
-            if inside <= 0.0 {
+impl Side {
+    /// Whether it goes through the inside of a convex polygon of this range (Cyrus and Beck's clipping).
+    fn goes_through(&self, convex: &[Point], [low, high]: [Point; 2]) -> bool {
+        let (from, way) = (self.from, self.way);
+        let is_beside = |axis: usize| {
+            let to = from[axis] + way[axis];
+            from[axis].max(to) <= low[axis] || from[axis].min(to) >= high[axis]
+        };
+        if is_beside(0) || is_beside(1) {
+            return false;
+        }
+        let (mut enters, mut leaves) = (0.0_f64, 1.0_f64);
+        for (at, corner) in convex.iter().enumerate() {
+            let next = convex[(at + 1) % convex.len()];
+            let side = [next[0] - corner[0], next[1] - corner[1]];
+            let size = (side[0] * side[0] + side[1] * side[1]).sqrt();
+            // How far inside of this side it begins, and how fast it goes further in, both times its length.
+            let inside = side[0] * (from[1] - corner[1]) - side[1] * (from[0] - corner[0]) - TOUCH * size;
+            let rate = side[0] * way[1] - side[1] * way[0];
+            if rate == 0.0 {
+                if inside <= 0.0 {
+                    return false;
+                }
+            } else if rate > 0.0 {
+                enters = enters.max(-inside / rate);
+            } else {
+                leaves = leaves.min(-inside / rate);
+            }
+            if enters >= leaves {
                 return false;
             }
-        } else if rate > 0.0 {
-            enters = enters.max(-inside / rate);
-        } else {
-            leaves = leaves.min(-inside / rate);
         }
+        true
     }
-    enters < leaves
-}
 
-fn square_distance(place: Point, [from, to]: [Point; 2]) -> f64 {
-    let side = [to[0] - from[0], to[1] - from[1]];
-    let away = [place[0] - from[0], place[1] - from[1]];
-    let square = side[0] * side[0] + side[1] * side[1];
-    let along = side[0] * away[0] + side[1] * away[1];
-    let part = if square > 0.0 { (along / square).clamp(0.0, 1.0) } else { 0.0 };
-    let off = [away[0] - part * side[0], away[1] - part * side[1]];
-    off[0] * off[0] + off[1] * off[1]
+    fn square_distance(&self, place: Point) -> f64 {
+        let away = [place[0] - self.from[0], place[1] - self.from[1]];
+        let along = self.way[0] * away[0] + self.way[1] * away[1];
+        let part = (along * self.per_square).clamp(0.0, 1.0);
+        let off = [away[0] - part * self.way[0], away[1] - part * self.way[1]];
+        off[0] * off[0] + off[1] * off[1]
+    }
 }
 
 #[cfg(test)]

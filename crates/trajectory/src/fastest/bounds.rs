@@ -89,29 +89,37 @@ impl PlatformBounds {
         (bend, rate.max(cube).powi(-2))
     }
 
-    /// Each limit with how much of it a motion takes at a moment, over itself.
-    pub fn loads<'a>(&'a self, setpoint: &Setpoint) -> impl Iterator<Item = (Limit, f64)> + use<'a> {
-        let setpoint = *setpoint;
+    /// Tells each limit with what a motion takes of it at a moment, and what it may.
+    pub fn loads(&self, setpoint: &Setpoint, mut take: impl FnMut(Limit, f64, f64)) {
+        for quantity in Quantity::ALL {
+            take(Limit::Platform(quantity), quantity.of(setpoint), self.limits.of(quantity));
+        }
+        if self.wheel_speeds.is_empty() && self.planes.is_empty() {
+            return;
+        }
         let [twist, acceleration] =
-            in_base(&setpoint, [setpoint.twist_in_odom, setpoint.acceleration_in_odom]);
-        let own = Quantity::ALL.into_iter().map(move |quantity| {
-            (Limit::Platform(quantity), quantity.of(&setpoint) / self.limits.of(quantity))
-        });
-        let speeds = self.wheel_speeds.iter().map(move |row| (Limit::WheelSpeed, dot(row, &twist).abs()));
+            in_base(setpoint, [setpoint.twist_in_odom, setpoint.acceleration_in_odom]);
+        for row in &self.wheel_speeds {
+            take(Limit::WheelSpeed, dot(row, &twist).abs(), 1.0);
+        }
         let is_resisted = !self.resistance.is_empty();
         let resistance = if is_resisted { resisting(&self.resistance, &twist) } else { [0.0; 3] };
-        let planes = self
-            .planes
-            .iter()
-            .map(move |(limit, plane)| (*limit, dot(&plane.normal, &acceleration) / plane.left(&resistance)));
-        own.chain(speeds).chain(planes)
+        for (limit, plane) in &self.planes {
+            let left = if is_resisted { plane.left(&resistance) } else { plane.most };
+            take(*limit, dot(&plane.normal, &acceleration), left);
+        }
     }
 
     /// How many times as long the motion must take at a moment to keep every limit, at least 1.
     pub(super) fn pace(&self, setpoint: &Setpoint) -> f64 {
-        // Most moments are within all limits: only what exceeds one is worth a root.
-        let exceeded = self.loads(setpoint).filter(|(_, load)| *load > 1.0 || load.is_nan());
-        exceeded.map(|(limit, load)| limit.stretch(load)).fold(1.0, f64::max)
+        let mut most: f64 = 1.0;
+        self.loads(setpoint, |limit, found, may| {
+            // Most moments are within all limits: only what exceeds one is worth a quotient and a root.
+            if found > may {
+                most = most.max(limit.stretch(found / may));
+            }
+        });
+        most
     }
 
     /// By how many times what it may the way turns along an interval, or the acceleration on it does, from x at its beginning to

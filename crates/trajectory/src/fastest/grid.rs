@@ -182,10 +182,20 @@ impl Grid {
             },
         );
         let mut looker = Looker { path, bounds, piece: 0 };
-        for (at, count) in parts.iter().enumerate() {
-            self.push_parts(&mut looker, &old.intervals[at], *count, old.pace[at])?;
-            self.free.push(old.free[at + 1]);
-            self.sigma.push(old.sigma[at + 1]);
+        let mut at = 0;
+        for run in parts.chunk_by(|one, other| *one == 1 && *other == 1) {
+            let end = at + run.len();
+            // Most stay as they are; whoever is split is alone.
+            if run[0] == 1 {
+                self.intervals.extend_from_slice(&old.intervals[at..end]);
+                self.pace.extend_from_slice(&old.pace[at..end]);
+                self.is_lowered.extend(std::iter::repeat_n(false, run.len()));
+            } else {
+                self.push_parts(&mut looker, &old.intervals[at], run[0], old.pace[at])?;
+            }
+            self.free.extend_from_slice(&old.free[at + 1..=end]);
+            self.sigma.extend_from_slice(&old.sigma[at + 1..=end]);
+            at = end;
         }
         self.lower_speeds();
         reached.split(parts);

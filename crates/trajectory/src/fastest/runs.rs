@@ -244,7 +244,7 @@ impl<P: GeometricPath> FastestTrajectory<WithRuns<P>> {
         let run = |end: WayEnd| Run::new(&path, end, asked[end as usize], bounds);
         let runs = [run(WayEnd::Start)?, run(WayEnd::End)?];
         let mut found = FastestTrajectory::that(WithRuns { path, runs }, bounds, |way, progress| {
-            way.passed(progress).into_iter().flatten().all(|(_, met)| met >= 1.0 - MET)
+            way.passed(progress).into_iter().flatten().all(|(_, met)| (met - 1.0).abs() <= MET)
         })?;
         for (end, passed) in WayEnd::BOTH.into_iter().zip(found.path.passed(&found.progress)) {
             let Some((time_s, met)) = passed else { continue };

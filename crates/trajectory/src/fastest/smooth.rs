@@ -10,6 +10,8 @@ pub(super) struct Progress {
 
 /// A speed below this part of the greatest is rest.
 const REST: f64 = 1e-9;
+/// Steps of finding when it is at a place of a piece: the pieces are short, and all but even.
+const NEWTON: usize = 4;
 /// Joints that only rounding parts are one, over their time: what lies between them would have a jerk of rounding alone.
 const SAME_TIME: f64 = 1e-12;
 
@@ -90,6 +92,20 @@ impl Progress {
     /// A time within a piece, from 0 to 1 of it, and σ there with its derivatives.
     pub(super) fn in_piece(&self, piece: usize, part: f64) -> (f64, [f64; 4]) {
         let since_s = part * (self.times_s[piece + 1] - self.times_s[piece]);
+        (self.times_s[piece] + since_s, ahead(self.values[piece], since_s))
+    }
+
+    /// When it is at a σ of a piece, s, and σ there with its derivatives.
+    pub(super) fn in_piece_at(&self, piece: usize, sigma: f64) -> (f64, [f64; 4]) {
+        let lasts_s = self.times_s[piece + 1] - self.times_s[piece];
+        let (begin, end) = (self.values[piece][0], ahead(self.values[piece], lasts_s)[0]);
+        let mut since_s = lasts_s * (sigma - begin) / (end - begin);
+        for _ in 0..NEWTON {
+            let [at, rate, ..] = ahead(self.values[piece], since_s);
+            let nearer_s = since_s + (sigma - at) / rate;
+            // At rest there is no rate.
+            since_s = if nearer_s.is_finite() { nearer_s.clamp(0.0, lasts_s) } else { since_s };
+        }
         (self.times_s[piece] + since_s, ahead(self.values[piece], since_s))
     }
 
