@@ -27,6 +27,17 @@ fn a_sound_file_is_checked_to_a_plan_with_units() {
     ] {
         assert!(text.contains(words), "{words} in {text}");
     }
+    // Events of clocks and waits are told where they are asked for.
+    assert!(!text.contains("SYNC0 a cycle") && !text.contains("waited for"), "{text}");
+    let dc = "drive_defaults.dc={ assign_activate = \"0x0700\", sync0_per_cycle = 4, sync1_every = 4, sync1_shift_us = 20 }";
+    let waits = "drive_defaults.timeouts={ pre_op_ms = 4000, mailbox_ms = 500 }";
+    let text = prints(&["check", "robots/bmm.toml", "--set", dc, "--set", waits]);
+    for words in [
+        "clock        4 SYNC0 a cycle, the first at 500 us, SYNC1 20 us behind one in 4; 0x0980 and 0x0981: 0x0700",
+        "waited for   PRE-OP 4000 ms, mailbox 500 ms at most",
+    ] {
+        assert!(text.contains(words), "{words} in {text}");
+    }
     let schema = json(&["check", "--schema"]);
     let kept = std::fs::read_to_string(root().join("robots/robot.schema.json")).unwrap();
     assert_eq!(schema, serde_json::from_str::<Value>(&kept).unwrap(), "robots/robot.schema.json is old");

@@ -1,9 +1,10 @@
 //! What a robot's file resolves to, as text and as JSON.
 
 use omnibase_description::Body;
+use omnibase_ethercat::config::Timeouts;
 use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{
-    BusPlace, Coding, DrivePlan, FootprintSource, InputOwner, PdoPlan, TorqueLimit, TorqueLimitTold,
+    BusPlace, Coding, DcPlan, DrivePlan, FootprintSource, InputOwner, PdoPlan, TorqueLimit, TorqueLimitTold,
 };
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -127,6 +128,7 @@ pub fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
             drive.parameters.len()
         )?;
         writeln!(output, "    torque limit {}", torque_limit(drive))?;
+        print_start(drive.dc.as_ref(), &drive.timeouts, output)?;
         for (name, pdos, bytes) in
             [("out", &drive.outputs, drive.output_bytes()), ("in", &drive.inputs, drive.input_bytes())]
         {
@@ -153,6 +155,38 @@ pub fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
     Ok(())
 }
 
+/// Events of a SubDevice's clock and the longest waits for it, where its table asks for others than every device has.
+fn print_start(dc: Option<&DcPlan>, timeouts: &Timeouts, output: &mut dyn Write) -> io::Result<()> {
+    if let Some(dc) = dc.filter(|dc| **dc != DcPlan::sync0(dc.sync0_shift_ns)) {
+        let sync1 = if dc.has_sync1() {
+            let shift_us = f64::from(dc.sync1_shift_ns) * 1e-3;
+            format!(", SYNC1 {shift_us} us behind one in {}", dc.sync1_every)
+        } else {
+            String::new()
+        };
+        writeln!(
+            output,
+            "    clock        {} SYNC0 a cycle, the first at {} us{sync1}; 0x0980 and 0x0981: 0x{:04X}",
+            dc.sync0_per_cycle,
+            f64::from(dc.sync0_shift_ns) * 1e-3,
+            dc.assign_activate
+        )?;
+    }
+    let all = [
+        ("INIT", timeouts.init),
+        ("PRE-OP", timeouts.pre_op),
+        ("SAFE-OP and OP", timeouts.safe_op_op),
+        ("mailbox", timeouts.mailbox),
+    ];
+    let given =
+        all.iter().filter_map(|(name, time)| time.map(|time| format!("{name} {} ms", time.as_millis())));
+    let given: Vec<String> = given.collect();
+    if !given.is_empty() {
+        writeln!(output, "    waited for   {} at most", given.join(", "))?;
+    }
+    Ok(())
+}
+
 /// The SubDevices without a wheel and their signals; nothing where there are none.
 fn print_devices(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
     if !plan.devices.is_empty() {
@@ -166,6 +200,7 @@ fn print_devices(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
             format!(", hot-connect group `{group}`: all of it is plugged in at the start, or none and the robot runs without it")
         });
         writeln!(output, "  {}: {}, {}{group}", device.name, device.kind, bus_place(device.place))?;
+        print_start(device.dc.as_ref(), &device.timeouts, output)?;
         for input in &device.input {
             writeln!(output, "    in  {}.{}{} {}", device.name, input.name, at(&input.coding), input.unit)?;
         }
