@@ -362,7 +362,8 @@ impl Grip {
         } else if self.wheels[..count].iter().all(|wheel| wheel.rim_m_s.abs() < DRY_M_S) {
             self.rest();
             if !motion.moves {
-                self.identification.rest([moved[0], moved[1]], span_s);
+                let held_n = [0, 1].map(|axis| of_both(&held, axis));
+                self.identification.rest([motion.wrench[0], motion.wrench[1]], held_n, span_s);
             }
         }
     }

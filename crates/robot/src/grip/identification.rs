@@ -48,6 +48,8 @@ const RESTING_SLOPE: f64 = 0.01;
 const WALK_SLOPE: f64 = 0.002;
 const MOST_SLOPE: f64 = 0.1;
 const LEAST_SLOPE: f64 = 0.01;
+/// What friction holds of a slope at least, where nothing is known of it.
+const HELD_SLOPE: f64 = 0.015;
 /// How fast it is drawn to what wheels that stand hold against, 1/s.
 const RESTING_1_S: f64 = 20.0;
 
@@ -161,15 +163,21 @@ impl Identification {
         }
     }
 
-    /// What wheels that stand push with beyond what they and the slope hold, in body axes, N: nothing moves by it, so the slope is
-    /// another one.
-    pub(super) fn rest(&mut self, beyond_n: [f64; 2], span_s: f64) {
-        if !beyond_n.iter().all(|force_n| force_n.is_finite()) {
+    /// What wheels that stand push with, and what friction is known to hold of it, by axis in body axes, N: nothing moves by what is
+    /// beyond, so it is a slope's.
+    pub(super) fn rest(&mut self, pushes_n: [f64; 2], held_n: [f64; 2], span_s: f64) {
+        if !pushes_n.iter().chain(&held_n).all(|force_n| force_n.is_finite()) {
             return;
         }
         let share = 1.0 - self.resting.kept(span_s);
         let (sin, cos) = self.turned_rad.sin_cos();
-        let [x, y] = beyond_n.map(|beyond_n| share * beyond_n);
+        let [mass_kg, .., along_n, across_n] = self.watched.theta;
+        let slope_n = [cos * along_n + sin * across_n, cos * across_n - sin * along_n];
+        let least_n = HELD_SLOPE * GRAVITY_M_S2 * mass_kg;
+        let [x, y] = std::array::from_fn(|axis| {
+            let left_n: f64 = pushes_n[axis] + slope_n[axis];
+            share * (left_n - left_n.clamp(-held_n[axis].max(least_n), held_n[axis].max(least_n)))
+        });
         let by_n = [cos * x - sin * y, sin * x + cos * y];
         let variance = (RESTING_SLOPE * self.watched.theta[0] * GRAVITY_M_S2).powi(2);
         for (index, by_n) in (BODY..WATCHED).zip(by_n) {
@@ -395,25 +403,25 @@ mod tests {
     #[test]
     fn what_wheels_that_stand_hold_against_is_a_slope_of_what_a_floor_may_have() {
         let mut one = Identification::new(&first((70.0, [25.0, 200.0]), (7.0, [2.0, 20.0])), 0.4);
-        let stand = |one: &mut Identification, holds_n: f64| {
-            for _ in 0..500 {
-                let [x, y] = one.watched().slope_n;
-                one.rest([x, holds_n + y], PERIOD_S);
-            }
+        let weight_n = 70.0 * GRAVITY_M_S2;
+        let stand = |one: &mut Identification, pushes_n: [f64; 2]| {
+            (0..500).for_each(|_| one.rest(pushes_n, [0.0; 2], PERIOD_S));
             one.watched().slope_n
         };
-        // They push 30 N uphill, along y.
-        let [x, y] = stand(&mut one, 30.0);
-        assert!(x.abs() < 1e-9 && (y + 30.0).abs() < 0.1, "{x}, {y}");
+        // Uphill, along y; friction may hold a part of it, and the watches allow for another.
+        let told_n = 0.05 * weight_n - (HELD_SLOPE + LEAST_SLOPE) * weight_n;
+        let [x, y] = stand(&mut one, [0.0, 0.05 * weight_n]);
+        assert!(x.abs() < 1e-9 && (y + told_n).abs() < 0.1, "{x}, {y}");
         one.turned_rad = 1.0;
-        let turned_n = omnibase_platform::length(one.watched().slope_n);
-        assert!((turned_n - 30.0).abs() < 0.1 && one.watched().slope_n[0] < -20.0);
+        let turned_n = one.watched().slope_n;
+        let size_n = omnibase_platform::length(turned_n);
+        assert!((size_n - told_n).abs() < 0.1 && turned_n[0] < -0.8 * told_n, "{turned_n:?}");
         one.turned_rad = 0.0;
         // A person who leans on it is no floor of 30 %.
-        let leant_n = omnibase_platform::length(stand(&mut one, 200.0));
-        assert!(leant_n <= MOST_SLOPE * 70.0 * GRAVITY_M_S2, "{leant_n}");
+        let leant_n = omnibase_platform::length(stand(&mut one, [0.0, 0.3 * weight_n]));
+        assert!(leant_n <= MOST_SLOPE * weight_n, "{leant_n}");
         let before = one.watched.theta;
-        one.rest([f64::NAN, 0.0], PERIOD_S);
+        one.rest([f64::NAN, 0.0], [0.0; 2], PERIOD_S);
         assert_eq!(one.watched.theta, before);
     }
 
