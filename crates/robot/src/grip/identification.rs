@@ -49,7 +49,7 @@ const WALK_SLOPE: f64 = 0.002;
 const MOST_SLOPE: f64 = 0.1;
 const LEAST_SLOPE: f64 = 0.01;
 /// What friction holds of a slope at least, where nothing is known of it.
-const HELD_SLOPE: f64 = 0.015;
+const HELD_SLOPE: f64 = 0.025;
 /// How fast it is drawn to what wheels that stand hold against, 1/s.
 const RESTING_1_S: f64 = 20.0;
 
