@@ -1,9 +1,10 @@
-//! What the wheels' torques do on the floor: how heavy the platform is, how much it rubs, and which wheel slips.
+//! What the wheels' torques do on the floor: how heavy the platform is, how much it rubs, how steep it stands, and which wheel slips.
 //!
 //! The twist that forces alone explain, v̂' = M⁻¹·(Bᵀ·f − friction) in body axes, is drawn slowly to what the wheels that grip show. A
 //! wheel whose rim runs ahead of v̂ in the direction of its own force slips: what a floor gives to a slipping wheel brakes its
-//! slip (K. L. Johnson, *Contact Mechanics*, 1985, section 8.1). A push or a slope does the opposite, for then the wheel's
-//! force is against it. How far ahead counts depends on how well mass and friction are known by then. A gyro's turn is v̂'s.
+//! slip (K. L. Johnson, *Contact Mechanics*, 1985, section 8.1). A push does the opposite, for then the wheel's force is against it; a
+//! slope's force is learnt, and is among those of v̂. How far ahead counts depends on how well mass and friction are known by then. A
+//! gyro's turn is v̂'s. Of more than three wheels those that run ahead of what all of them show together slip as well.
 
 pub(crate) mod equation;
 pub(crate) mod friction;
@@ -18,7 +19,7 @@ use crate::config::{ControllerTable, ESTIMATE_BOUNDS, RobotPlan, find_object, wh
 use crate::decay::Decay;
 use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
 use friction::{DRY_M_S, WheelFriction};
-use identification::{Identification, Motion};
+use identification::{Identification, Motion, Watched};
 use loads::Loads;
 use sliding::{Slide, Sliding};
 use steady::{Shown, Steady};
@@ -44,6 +45,10 @@ const LONGEST_NS: u64 = 2_000_000_000;
 const LONGEST_GAP: u32 = 10;
 /// Less than this is no force, N.
 const LEAST_N: f64 = 1.0;
+/// Rims agree where what no motion of a platform explains is less than this part of them; so far they do before one contradicts the
+/// others, m.
+const AGREEING: f64 = 0.2;
+const AGREED_M: f64 = 0.01;
 /// No wheel turns faster than its limit times this.
 const IMPOSSIBLE: f64 = 3.0;
 /// Mass and inertia where the file says nothing of them, kg and kg·m², and how uncertain they are then and else, over
@@ -99,6 +104,8 @@ pub(crate) struct Grip {
     felt: f64,
     /// `None` before any wheel slipped, in this run or one that is remembered.
     floor: Option<Floor>,
+    /// How far the rims went as those of a platform do, m.
+    agreed_m: f64,
 }
 
 /// What is known of a platform before it moves.
@@ -204,6 +211,7 @@ impl Grip {
             shown: [0.0; 3],
             sigma: [0.0; 3],
             felt: 0.0,
+            agreed_m: 0.0,
             floor: plan
                 .grip
                 .remembered
@@ -313,14 +321,15 @@ impl Grip {
         };
         self.identification.learn(&motion);
         self.slide(wished.filter(|_| is_whole), &motion, span_s);
-        let dynamics = self.identification.dynamics();
+        let Watched { dynamics, slope_n: [slope_x_n, slope_y_n], .. } = self.identification.watched();
         let [spin_n, roller_n] = dynamics.friction_n;
         let of_both = |per_newton: &[[f64; 3]; 2], axis: usize| {
             spin_n * per_newton[0][axis] + roller_n * per_newton[1][axis]
         };
         let held = self.friction.held_per_newton(shown, dynamics.centre_m());
-        let moved = std::array::from_fn(|axis| {
-            let left = motion.wrench[axis] - of_both(&motion.friction_per_newton, axis);
+        let slope_n = [slope_x_n, slope_y_n, 0.0];
+        let moved: [f64; 3] = std::array::from_fn(|axis| {
+            let left = motion.wrench[axis] + slope_n[axis] - of_both(&motion.friction_per_newton, axis);
             // What axles and rollers that stand hold moves nothing.
             left - left.abs().min(of_both(&held, axis).max(0.0)).copysign(left)
         });
@@ -352,6 +361,10 @@ impl Grip {
             self.forget();
         } else if self.wheels[..count].iter().all(|wheel| wheel.rim_m_s.abs() < DRY_M_S) {
             self.rest();
+            if !motion.moves {
+                let held_n = [0, 1].map(|axis| of_both(&held, axis));
+                self.identification.rest([motion.wrench[0], motion.wrench[1]], held_n, span_s);
+            }
         }
     }
 
@@ -398,15 +411,17 @@ impl Grip {
         let rims = self.kinematics.wheels();
         let torques_nm = PerWheel::from_fn(pushes_n.len(), |at| pushes_n[at] * rims[at].radius_m);
         let wrench = self.kinematics.wrench(&torques_nm);
-        let Dynamics { mass_kg, friction_n: [spin_n, roller_n], .. } = self.identification.dynamics();
+        let Watched { dynamics, mass_sigma_kg, slope_n } = self.identification.watched();
+        let Dynamics { mass_kg, friction_n: [spin_n, roller_n], .. } = dynamics;
         let [by_spin, by_roller] = motion.friction_per_newton;
         Shown {
             acceleration: self.sliding.acceleration(),
             push_n: [wrench.fx_n, wrench.fy_n],
+            slope_n,
             friction_n: std::array::from_fn(|axis| spin_n * by_spin[axis] + roller_n * by_roller[axis]),
             speed_m_s: omnibase_platform::length([self.shown[0], self.shown[1]]),
             turn_rad_s: motion.turn_rad_s,
-            learnt_kg: mass_kg - SIGMAS * self.identification.mass_sigma_kg(),
+            learnt_kg: mass_kg - SIGMAS * mass_sigma_kg,
         }
     }
 
@@ -419,9 +434,28 @@ impl Grip {
         }
     }
 
+    /// How far each rim is off what all of them show together, m/s; nothing before they once agreed: wires that are wrong contradict each
+    /// other from the first motion on, and have their own watch.
+    fn apart(&mut self, span_s: f64) -> [f64; MAX_WHEELS] {
+        let mut apart_m_s = [0.0; MAX_WHEELS];
+        let (mut all, mut off) = (0.0, 0.0);
+        for ((apart_m_s, wheel), row) in apart_m_s.iter_mut().zip(&self.wheels).zip(self.kinematics.matrix())
+        {
+            let shown_m_s: f64 = row.iter().zip(self.shown).map(|(row, speed)| row * speed).sum();
+            *apart_m_s = wheel.rim_m_s - shown_m_s;
+            all += wheel.rim_m_s * wheel.rim_m_s;
+            off += *apart_m_s * *apart_m_s;
+        }
+        if off < AGREEING * AGREEING * all {
+            self.agreed_m += span_s * (all / self.kinematics.wheel_count() as f64).sqrt();
+        }
+        if self.agreed_m < AGREED_M { [0.0; MAX_WHEELS] } else { apart_m_s }
+    }
+
     /// Which wheels slip by now.
     fn judge(&mut self, span_s: f64) {
         let span_ns = (span_s * 1e9) as u64;
+        let apart_m_s = self.apart(span_s);
         let [sx, sy, sh] = self.sigma;
         let along_m_s = sx.max(sy);
         let dynamics = self.identification.dynamics();
@@ -440,7 +474,13 @@ impl Grip {
             let driven_n = wheel.force_n - rubs_n;
             // A motor that pushes the other way, or not at all, makes nothing slip.
             let is_driven = driven_n.abs().min(wheel.force_n * driven_n.signum()) > LEAST_N;
-            let is_ahead = is_driven && wheel.ahead_m_s * driven_n.signum() > least_m_s;
+            let sign = driven_n.signum();
+            // Of more than three wheels one that contradicts the others slips, whatever forces explain.
+            let is_apart = is_driven && sign * apart_m_s[at] > LEAST_SLIP_M_S;
+            if is_apart && sign * apart_m_s[at] > sign * wheel.ahead_m_s {
+                wheel.ahead_m_s = apart_m_s[at];
+            }
+            let is_ahead = is_apart || is_driven && sign * wheel.ahead_m_s > least_m_s;
             let is_doubted = match wheel.slips {
                 false => is_ahead,
                 true => wheel.ahead_m_s.abs() < 0.5 * least_m_s,
@@ -500,13 +540,35 @@ impl Grip {
 impl Floor {
     /// After a slipping wheel was given such a part of its load.
     fn seen(before: Option<Floor>, coefficient: f64, span_s: f64) -> Floor {
-        let looked = (LOOK_SHARE * coefficient.max(LEAST_FRICTION)).powi(2);
+        let looked = |most: f64| (LOOK_SHARE * most.max(LEAST_FRICTION)).powi(2);
         let Some(Floor { coefficient: mean, variance }) = before else {
-            return Floor { coefficient, variance: looked };
+            return Floor { coefficient, variance: looked(coefficient) };
         };
+        // A force that passes through nothing, as where a slide ends, tells no more than another one.
+        let looked = looked(coefficient.max(mean));
         // What the last look told grows old: floors differ by place.
         let variance = variance + WALK_1_S * looked * span_s;
         let share = variance / (variance + looked * (LOOK_S / span_s).max(1.0));
         Floor { coefficient: mean + share * (coefficient - mean), variance: variance - share * variance }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_force_that_passes_through_nothing_is_not_taken_for_ice_and_ice_is_found() {
+        let look = |floor: Option<Floor>, coefficient: f64, cycles: u32| {
+            (0..cycles).fold(floor, |floor, _| Some(Floor::seen(floor, coefficient, 1e-3)))
+        };
+        let found = |floor: Option<Floor>| floor.expect("it was seen").coefficient;
+        let slid = look(None, 0.2, 30);
+        assert!((found(slid) - 0.2).abs() < 1e-9);
+        let passed = look(slid, 0.004, 10);
+        assert!(found(passed) > 0.15, "{passed:?}");
+        // On another floor, within half a second of slip.
+        let iced = look(look(None, 0.5, 100), 0.08, 500);
+        assert!(found(iced) < 0.15, "{iced:?}");
     }
 }

@@ -190,7 +190,15 @@ impl Slid {
     pub fn of(text: &str, gyro: bool) -> Slid {
         let mut trial = Trial::new(plan_of(text));
         trial.gyro = gyro.then_some(0);
-        Slid::of_trial(trial)
+        Slid::of_trial(trial, 0)
+    }
+
+    /// As [`Slid::of`] without a gyro, after it stood with its drives enabled for so many cycles.
+    ///
+    /// # Panics
+    /// Where the robot can't be made or enabled.
+    pub fn of_rested(text: &str, cycles: u64) -> Slid {
+        Slid::of_trial(Trial::new(plan_of(text)), cycles)
     }
 
     /// As [`Slid::of`] without a gyro, on mechanics of another make.
@@ -203,7 +211,7 @@ impl Slid {
         if let Some(other) = other {
             trial.machine.lock().set_mechanics(other);
         }
-        Slid::of_trial(trial)
+        Slid::of_trial(trial, 0)
     }
 
     /// How it ended.
@@ -214,8 +222,9 @@ impl Slid {
         }
     }
 
-    fn of_trial(mut trial: Trial) -> Slid {
+    fn of_trial(mut trial: Trial, rests: u64) -> Slid {
         trial.enable();
+        trial.run(rests);
         let machine = trial.machine.clone();
         let period_s = trial.plan.bus.cycle_ns as f64 * 1e-9;
         let mut slid = Slid::default();

@@ -3,9 +3,15 @@
 //! The equation of motion ([`super::equation`]), both sides behind one low-pass: three linear equations a cycle. Unlike a gradient
 //! on the tracking error it needs no error of the path, and feeds nothing back into the loop but what feeds forward. An equation
 //! that is far off (a wheel that slips, a push) counts less by the square of how far.
+//!
+//! A second filter over the same equations knows slopes, too, for the watches of slip: F = … − Rotᵀ·g, g the slope's part of the weight in
+//! axes that don't turn. What rubs turns with the motion and what slips lies along it; a slope stays where it is, and is what wheels that
+//! stand hold against. It is known from there and learnt slowly, or slides would be taken for it.
 
-use super::FirstEstimates;
+use omnibase_platform::wrap_angle_rad;
+
 use super::equation::{BODY, Estimate, body_rows};
+use super::{FirstEstimates, GRAVITY_M_S2};
 use crate::decay::Decay;
 use crate::signals::Dynamics;
 
@@ -34,10 +40,28 @@ const LOADED_S: f64 = 10.0;
 /// The parameters that a load changes.
 const LOADS: [usize; 4] = [0, 1, 4, 5];
 
+/// The parameters of the watches: the body's, and a slope's force.
+const WATCHED: usize = BODY + 2;
+/// How uncertain that force is at rest, over the weight, for friction holds a part of it; what it may change by in the root of a second;
+/// and steeper than the most no floor is. What is less than the least the watches allow for by themselves.
+const RESTING_SLOPE: f64 = 0.01;
+const WALK_SLOPE: f64 = 0.002;
+const MOST_SLOPE: f64 = 0.1;
+const LEAST_SLOPE: f64 = 0.01;
+/// What friction holds of a slope at least, where nothing is known of it.
+const HELD_SLOPE: f64 = 0.025;
+/// How fast it is drawn to what wheels that stand hold against, 1/s.
+const RESTING_1_S: f64 = 20.0;
+
 /// The filter.
 #[derive(Clone, Debug)]
 pub(super) struct Identification {
     estimate: Estimate<BODY>,
+    /// The same with a slope, for the watches of slip alone: the law's mass learns quicker and truer without one.
+    watched: Estimate<WATCHED>,
+    /// How far the platform turned, rad: a slope's force is kept in axes that don't turn.
+    turned_rad: f64,
+    resting: Decay,
     /// Variances: the most of each, and what it gains in a second.
     most: [f64; BODY],
     walk_1_s: [f64; BODY],
@@ -54,7 +78,7 @@ pub(super) struct Identification {
 #[derive(Clone, Copy, Debug, Default)]
 struct Past {
     wrench: [f64; 3],
-    rows: [[f64; BODY]; 3],
+    rows: [[f64; WATCHED]; 3],
 }
 
 /// What was measured in a cycle, in body axes.
@@ -81,6 +105,19 @@ impl Motion {
     }
 }
 
+/// What the watches of slip believe.
+pub(super) struct Watched {
+    pub(super) dynamics: Dynamics,
+    pub(super) mass_sigma_kg: f64,
+    /// A slope's force in body axes, N, as far as it is more than the watches allow for.
+    pub(super) slope_n: [f64; 2],
+}
+
+/// What is said of the body, and of a slope.
+fn beside([mass, inertia, spin, roller, x, y]: [f64; BODY], [along, across]: [f64; 2]) -> [f64; WATCHED] {
+    [mass, inertia, spin, roller, x, y, along, across]
+}
+
 impl Identification {
     /// From first estimates with their bounds.
     pub(super) fn new(first: &FirstEstimates, lever_m: f64) -> Self {
@@ -91,8 +128,13 @@ impl Identification {
             [share * mass.0, share * inertia.0, newton, newton, moment, moment]
         };
         let most = scales(share, FIRST_N, FIRST_CENTRE).map(|deviation| deviation * deviation);
+        let body = [mass.0, inertia.0, 0.0, 0.0, 0.0, 0.0];
+        let slope = (RESTING_SLOPE * mass.0 * GRAVITY_M_S2).powi(2);
         Identification {
-            estimate: Estimate::new([mass.0, inertia.0, 0.0, 0.0, 0.0, 0.0], most),
+            estimate: Estimate::new(body, most),
+            watched: Estimate::new(beside(body, [0.0; 2]), beside(most, [slope; 2])),
+            turned_rad: 0.0,
+            resting: Decay::new(RESTING_1_S),
             most,
             walk_1_s: scales(WALK_SHARE, WALK_N, WALK_SHARE).map(|deviation| deviation * deviation),
             bounds: [mass.1, inertia.1, friction, friction],
@@ -105,8 +147,57 @@ impl Identification {
     }
 
     pub(super) fn dynamics(&self) -> Dynamics {
-        let [mass_kg, inertia_kg_m2, spin_n, roller_n, x, y] = self.estimate.theta;
-        Dynamics { mass_kg, inertia_kg_m2, friction_n: [spin_n, roller_n], mass_moment_kg_m: [x, y] }
+        dynamics(&self.estimate)
+    }
+
+    /// What the watches of slip go by.
+    pub(super) fn watched(&self) -> Watched {
+        let (sin, cos) = self.turned_rad.sin_cos();
+        let [mass_kg, .., x, y] = self.watched.theta;
+        let least_n = LEAST_SLOPE * GRAVITY_M_S2 * mass_kg;
+        let told = 1.0 - (least_n / omnibase_platform::length([x, y])).min(1.0);
+        Watched {
+            dynamics: dynamics(&self.watched),
+            mass_sigma_kg: self.watched.covariance[0][0].max(0.0).sqrt(),
+            slope_n: [told * (cos * x + sin * y), told * (cos * y - sin * x)],
+        }
+    }
+
+    /// What wheels that stand push with, and what friction is known to hold of it, by axis in body axes, N: nothing moves by what is
+    /// beyond, so it is a slope's.
+    pub(super) fn rest(&mut self, pushes_n: [f64; 2], held_n: [f64; 2], span_s: f64) {
+        if !pushes_n.iter().chain(&held_n).all(|force_n| force_n.is_finite()) {
+            return;
+        }
+        let share = 1.0 - self.resting.kept(span_s);
+        let (sin, cos) = self.turned_rad.sin_cos();
+        let [mass_kg, .., along_n, across_n] = self.watched.theta;
+        let slope_n = [cos * along_n + sin * across_n, cos * across_n - sin * along_n];
+        let least_n = HELD_SLOPE * GRAVITY_M_S2 * mass_kg;
+        let [x, y] = std::array::from_fn(|axis| {
+            let left_n: f64 = pushes_n[axis] + slope_n[axis];
+            share * (left_n - left_n.clamp(-held_n[axis].max(least_n), held_n[axis].max(least_n)))
+        });
+        let by_n = [cos * x - sin * y, sin * x + cos * y];
+        let variance = (RESTING_SLOPE * self.watched.theta[0] * GRAVITY_M_S2).powi(2);
+        for (index, by_n) in (BODY..WATCHED).zip(by_n) {
+            self.watched.theta[index] -= by_n;
+            for other in 0..WATCHED {
+                (self.watched.covariance[index][other], self.watched.covariance[other][index]) = (0.0, 0.0);
+            }
+            self.watched.covariance[index][index] = variance;
+        }
+        self.bound_slope();
+    }
+
+    /// No steeper than floors are.
+    fn bound_slope(&mut self) {
+        let most_n = MOST_SLOPE * GRAVITY_M_S2 * self.watched.theta[0];
+        let [.., x, y] = &mut self.watched.theta;
+        let steep = omnibase_platform::length([*x, *y]) / most_n;
+        if steep > 1.0 {
+            (*x, *y) = (*x / steep, *y / steep);
+        }
     }
 
     /// How uncertain the mass is, one standard deviation, kg.
@@ -119,11 +210,11 @@ impl Identification {
     /// By how much less than it tells a motion may resist, one standard deviation, N and N·m: what is told as little as can be
     /// has nothing to lose.
     pub(super) fn doubts_n(&self, motion: &Motion) -> [f64; 3] {
-        let sigma = |row: &[f64; BODY]| self.estimate.spread(row).0.max(0.0).sqrt();
+        let sigma = |row: &[f64; BODY]| self.watched.spread(&beside(*row, [0.0; 2])).0.max(0.0).sqrt();
         motion.rows().map(|row| {
-            let bounded = row.iter().zip(self.estimate.theta).zip(self.bounds);
+            let bounded = row.iter().zip(self.watched.theta).zip(self.bounds);
             let lost_n: f64 = bounded.map(|((row, theta), [low, _])| row * (theta - low)).sum();
-            let of_centre = self.estimate.variance_of_centre([row[4], row[5]]).max(0.0).sqrt();
+            let of_centre = self.watched.variance_of_centre([row[4], row[5]]).max(0.0).sqrt();
             sigma(&row).min(lost_n.abs() + of_centre)
         })
     }
@@ -140,6 +231,7 @@ impl Identification {
             (self.past, self.trusted_s) = (Past::default(), 0.0);
             return;
         }
+        self.turned_rad = wrap_angle_rad(self.turned_rad + motion.period_s * motion.turn_rad_s);
         if !motion.moves {
             // A floor holds what stands against any wrench: no equation tells that, and none may begin with it.
             (self.past, self.trusted_s) = (Past::default(), f64::INFINITY);
@@ -152,14 +244,19 @@ impl Identification {
         let keep = self.low_pass.kept(motion.period_s);
         let low_pass = |old: &mut f64, new: f64| *old = keep * *old + (1.0 - keep) * new;
         self.past.wrench.iter_mut().zip(motion.wrench).for_each(|(old, new)| low_pass(old, new));
-        let (rows, new) = (self.past.rows.as_flattened_mut(), motion.rows());
+        let (sin, cos) = self.turned_rad.sin_cos();
+        let [x, y, turn] = motion.rows();
+        let new = [beside(x, [-cos, -sin]), beside(y, [sin, -cos]), beside(turn, [0.0; 2])];
+        let rows = self.past.rows.as_flattened_mut();
         rows.iter_mut().zip(new.as_flattened()).for_each(|(old, new)| low_pass(old, *new));
         if self.trusted_s > FORGOTTEN / LOW_PASS_1_S {
             let Past { wrench, rows } = self.past;
             let along = omnibase_platform::length([rows[0][0], rows[1][0]]) > LEAST_ACCELERATION[0];
             let turns = [rows[2][1], rows[0][4]].iter().any(|turn| turn.abs() > LEAST_ACCELERATION[1]);
             for (axis, (mut row, wrench)) in rows.into_iter().zip(wrench).enumerate() {
-                let told = self.estimate.told(&row);
+                let body = |row: &[f64; WATCHED]| std::array::from_fn(|index| row[index]);
+                let off_n = wrench - self.estimate.told(&body(&row));
+                let off_beside_n = wrench - self.watched.told(&row);
                 let shows = if axis == 2 { [false, turns, along] } else { [along, false, turns] };
                 for (index, shows) in [(0, shows[0]), (1, shows[1]), (4, shows[2]), (5, shows[2])] {
                     if !shows {
@@ -167,29 +264,44 @@ impl Identification {
                     }
                 }
                 let lever = if axis == 2 { MOMENT_NOISE * self.lever_m } else { 1.0 };
-                self.take(&row, wrench - told, lever, motion.period_s);
+                take(&mut self.estimate, &body(&row), off_n, lever, motion.period_s);
+                take(&mut self.watched, &row, off_beside_n, lever, motion.period_s);
             }
             for index in 0..BODY {
                 self.grow(index, self.walk_1_s[index] * motion.period_s);
             }
+            let walk = (WALK_SLOPE * self.watched.theta[0] * GRAVITY_M_S2).powi(2);
+            for index in BODY..WATCHED {
+                self.watched.covariance[index][index] += walk * motion.period_s;
+            }
             self.estimate.bound(self.bounds, self.lever_m);
+            self.watched.bound(self.bounds, self.lever_m);
+            self.bound_slope();
         }
     }
 
     fn grow(&mut self, index: usize, variance: f64) {
-        let held = &mut self.estimate.covariance[index][index];
-        *held = (*held + variance).min(self.most[index].max(*held));
-    }
-
-    /// One equation, `off` by how much the wrench exceeds what θ tells.
-    fn take(&mut self, row: &[f64; BODY], off: f64, lever: f64, period_s: f64) {
-        let far = (off / (FAR_N * lever)).powi(2).max(1.0);
-        let noise = (NOISE_N * lever).powi(2) * NOISE_S / period_s * far;
-        let (known, spread) = self.estimate.spread(row);
-        let whole = noise + known;
-        if whole.is_finite() && whole > 0.0 && off.is_finite() {
-            self.estimate.take(&spread, whole, off);
+        for held in [&mut self.estimate.covariance[index][index], &mut self.watched.covariance[index][index]]
+        {
+            *held = (*held + variance).min(self.most[index].max(*held));
         }
+    }
+}
+
+/// What an estimate tells of the body.
+fn dynamics<const N: usize>(estimate: &Estimate<N>) -> Dynamics {
+    let [mass_kg, inertia_kg_m2, spin_n, roller_n, x, y] = std::array::from_fn(|index| estimate.theta[index]);
+    Dynamics { mass_kg, inertia_kg_m2, friction_n: [spin_n, roller_n], mass_moment_kg_m: [x, y] }
+}
+
+/// One equation, `off` by how much the wrench exceeds what θ tells.
+fn take<const N: usize>(estimate: &mut Estimate<N>, row: &[f64; N], off: f64, lever: f64, period_s: f64) {
+    let far = (off / (FAR_N * lever)).powi(2).max(1.0);
+    let noise = (NOISE_N * lever).powi(2) * NOISE_S / period_s * far;
+    let (known, spread) = estimate.spread(row);
+    let whole = noise + known;
+    if whole.is_finite() && whole > 0.0 && off.is_finite() {
+        estimate.take(&spread, whole, off);
     }
 }
 
@@ -205,6 +317,17 @@ mod tests {
 
     /// A platform whose speeds follow the wrenches of a motion; what is learnt after so many seconds. `push_n` acts beside them.
     fn learnt(seconds: f64, push_n: &dyn Fn(f64) -> f64, trusted: &dyn Fn(f64) -> bool) -> [f64; BODY] {
+        driven(seconds, push_n, [0.0; 2], trusted).estimate.theta
+    }
+
+    /// The same on a slope, whose force in axes that don't turn is given, N; all that was learnt.
+    fn driven(
+        seconds: f64,
+        push_n: &dyn Fn(f64) -> f64,
+        [downhill_n, across_n]: [f64; 2],
+        trusted: &dyn Fn(f64) -> bool,
+    ) -> Identification {
+        let mut turned_rad = 0.0_f64;
         let (mass_kg, inertia_kg_m2, friction_n) = (173.0, 11.3, [4.0, 7.0]);
         let [cx, cy] = [0.08, -0.05];
         let mut one = Identification::new(&first((85.0, [28.0, 255.0]), (6.0, [2.0, 18.0])), 0.4);
@@ -212,6 +335,8 @@ mod tests {
         for cycle in 0..(seconds / PERIOD_S) as u32 {
             let t = f64::from(cycle) * PERIOD_S;
             let [vx, vy, turn] = wished(t);
+            turned_rad += PERIOD_S * turn;
+            let (sin, cos) = turned_rad.sin_cos();
             let (before, after) = (wished(t - 1e-6), wished(t + 1e-6));
             let [gx, gy, gain] = std::array::from_fn(|axis| (after[axis] - before[axis]) / 2e-6);
             let (ax, ay) = (gx - turn * vy, gy + turn * vx);
@@ -224,8 +349,8 @@ mod tests {
             let rubs: [f64; 3] =
                 std::array::from_fn(|axis| friction_n[0] * spin[axis] + friction_n[1] * roller[axis]);
             let wrench = [
-                mass_kg * cax + rubs[0] + push_n(t),
-                mass_kg * cay + rubs[1],
+                mass_kg * cax + rubs[0] + push_n(t) - cos * downhill_n - sin * across_n,
+                mass_kg * cay + rubs[1] + sin * downhill_n - cos * across_n,
                 own_kg_m2 * gain + mass_kg * (cx * cay - cy * cax) + rubs[2],
             ];
             one.learn(&Motion {
@@ -238,7 +363,7 @@ mod tests {
                 period_s: PERIOD_S,
             });
         }
-        one.estimate.theta
+        one
     }
 
     fn off([mass_kg, inertia_kg_m2, spin_n, roller_n, x, y]: [f64; BODY]) -> [f64; BODY] {
@@ -254,6 +379,50 @@ mod tests {
         // Half of the mass is made up for within two seconds.
         let early = off(learnt(2.0, &|_| 0.0, &|_| true));
         assert!(early[0].abs() < 0.1, "{early:?}");
+    }
+
+    #[test]
+    fn a_slope_is_told_from_what_rubs_and_from_the_mass() {
+        // 5 and 3 % of 173 kg.
+        let slope_n = [85.0, -51.0];
+        let one = driven(60.0, &|_| 0.0, slope_n, &|_| true);
+        let found = off(std::array::from_fn(|index| one.watched.theta[index]));
+        assert!(found.iter().all(|off| off.abs() < 0.05), "{found:?}");
+        for (told_n, slope_n) in one.watched.theta[BODY..].iter().zip(slope_n) {
+            assert!((told_n - slope_n).abs() < 4.0, "{told_n} of {slope_n} N");
+        }
+        // What is told is less by what the watches allow for, however the platform stands on it.
+        let told_n = omnibase_platform::length(one.watched().slope_n);
+        let less_n = LEAST_SLOPE * 173.0 * GRAVITY_M_S2;
+        assert!((omnibase_platform::length(slope_n) - less_n - told_n).abs() < 4.0, "{told_n}");
+        // A level floor has none.
+        let level = driven(60.0, &|_| 0.0, [0.0; 2], &|_| true);
+        assert_eq!(level.watched().slope_n, [0.0; 2]);
+    }
+
+    #[test]
+    fn what_wheels_that_stand_hold_against_is_a_slope_of_what_a_floor_may_have() {
+        let mut one = Identification::new(&first((70.0, [25.0, 200.0]), (7.0, [2.0, 20.0])), 0.4);
+        let weight_n = 70.0 * GRAVITY_M_S2;
+        let stand = |one: &mut Identification, pushes_n: [f64; 2]| {
+            (0..500).for_each(|_| one.rest(pushes_n, [0.0; 2], PERIOD_S));
+            one.watched().slope_n
+        };
+        // Uphill, along y; friction may hold a part of it, and the watches allow for another.
+        let told_n = 0.05 * weight_n - (HELD_SLOPE + LEAST_SLOPE) * weight_n;
+        let [x, y] = stand(&mut one, [0.0, 0.05 * weight_n]);
+        assert!(x.abs() < 1e-9 && (y + told_n).abs() < 0.1, "{x}, {y}");
+        one.turned_rad = 1.0;
+        let turned_n = one.watched().slope_n;
+        let size_n = omnibase_platform::length(turned_n);
+        assert!((size_n - told_n).abs() < 0.1 && turned_n[0] < -0.8 * told_n, "{turned_n:?}");
+        one.turned_rad = 0.0;
+        // A person who leans on it is no floor of 30 %.
+        let leant_n = omnibase_platform::length(stand(&mut one, [0.0, 0.3 * weight_n]));
+        assert!(leant_n <= MOST_SLOPE * weight_n, "{leant_n}");
+        let before = one.watched.theta;
+        one.rest([f64::NAN, 0.0], [0.0; 2], PERIOD_S);
+        assert_eq!(one.watched.theta, before);
     }
 
     #[test]

@@ -31,6 +31,8 @@ pub(super) struct Shown {
     /// What the rims push the floor with, N, and what friction takes of it or adds.
     pub(super) push_n: Vector,
     pub(super) friction_n: Vector,
+    /// What a slope pushes it with, N.
+    pub(super) slope_n: Vector,
     /// How fast the rims say that the platform is, m/s and rad/s.
     pub(super) speed_m_s: f64,
     pub(super) turn_rad_s: f64,
@@ -107,10 +109,10 @@ impl Steady {
 
     /// Whether the platform slides.
     pub(super) fn look(&mut self, shown: &Shown, span_s: f64) -> Option<Slides> {
-        let Shown { acceleration, push_n, friction_n, speed_m_s, .. } = shown;
+        let Shown { acceleration, push_n, friction_n, slope_n, speed_m_s, .. } = shown;
         let learnt_kg = shown.learnt_kg.max(0.0);
         let told = [*push_n, *friction_n];
-        if !told.as_flattened().iter().sum::<f64>().is_finite() {
+        if !told.as_flattened().iter().chain(slope_n).sum::<f64>().is_finite() {
             self.forget();
             return None;
         }
@@ -130,8 +132,9 @@ impl Steady {
         // Friction that brakes where the wheels brake.
         let helps_n = (-dot(self.friction_n, direction)).max(0.0);
         let given_n = push_n + helps_n;
+        let all_n = given_n + dot(*slope_n, direction);
         // Who is slowed by wheels while speeding up goes downhill.
-        let is_missing = |least_n: f64| push_n >= LEAST_N && given_n < least_n;
+        let is_missing = |least_n: f64| push_n >= LEAST_N && all_n < least_n;
         if is_missing(mass_kg * size) {
             self.given_n = given_n;
         }
@@ -139,7 +142,7 @@ impl Steady {
         let [x, y] = self.ahead_m_s;
         let carried = [cos * x + sin * y, cos * y - sin * x];
         let ahead_m_s: Vector = std::array::from_fn(|axis| {
-            let force_n = self.push_n[axis] + helps_n * direction[axis];
+            let force_n = self.push_n[axis] + slope_n[axis] + helps_n * direction[axis];
             carried[axis] + span_s * (acceleration[axis] - force_n / mass_kg)
         });
         // What slides is pushed where its rims run ahead, and by as much as before.
@@ -213,6 +216,7 @@ mod tests {
                 acceleration,
                 push_n,
                 friction_n: [-4.0 * sin, 4.0 * cos],
+                slope_n: [0.0; 2],
                 speed_m_s: 0.7,
                 turn_rad_s: 0.0,
                 learnt_kg,
@@ -290,6 +294,7 @@ mod tests {
                 acceleration: [along, 0.0],
                 push_n: [2.0, 0.0],
                 friction_n: [0.0; 2],
+                slope_n: [0.0; 2],
                 speed_m_s: 0.7,
                 turn_rad_s: 0.0,
                 learnt_kg: -20.0,
