@@ -155,6 +155,15 @@ pub enum SetUpError {
         /// Read back.
         found: u16,
     },
+    /// Its processor reads no requests.
+    #[error(
+        "SubDevice {position} takes no request for a state (register 0x0120): its chip answers and its processor doesn't; its firmware hangs or \
+         is missing: power it off and on"
+    )]
+    NoFirmware {
+        /// The SubDevice.
+        position: u16,
+    },
     /// There is no such SubDevice.
     #[error("there is no SubDevice {position}: the segment has {count}")]
     NoSuchPosition {

@@ -11,7 +11,7 @@ use crate::clock_setup;
 use crate::config::SubDeviceConfig;
 use crate::eeprom::{EepromError, EepromFailure, SiiExtent, SiiReader};
 use crate::error::{NoSubDevices, SetUpError};
-use crate::found::Found;
+use crate::found::{AccessError, Found};
 use crate::start_up::StartUpList;
 use crate::state::{Application, StateChange};
 use crate::subdevice::{DcClock, DcWidth, Esc, Port, SubDevice};
@@ -205,7 +205,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
         let init_and_acknowledge = (AlState::Init.bits() | AlState::ERROR).to_le_bytes();
         let init = AlState::Init.bits().to_le_bytes();
         let write = Access::broadcast_write;
-        self.transactor.perform(&mut [
+        let asked = self.transactor.perform(&mut [
             write("asking for INIT", register::AL_CONTROL, &init_and_acknowledge, all),
             write("opening the ports", register::DL_CONTROL_PORTS, &[0], all),
             write("switching the alias off", register::DL_CONTROL_ALIAS, &[0], all),
@@ -213,9 +213,11 @@ impl<L: Link, C: Clock> Bus<L, C> {
             write("clearing the error counters", register::RX_ERROR_COUNTERS, &[0; 8], all),
             // Not every chip has these.
             write("clearing the lost-link counters", register::LOST_LINK_COUNTERS, &[0; 4], Expect::Any),
-        ])?;
-        // Without the acknowledge bit, so that its echo in an emulated status is gone again.
-        self.transactor.perform(&mut [write("asking for INIT", register::AL_CONTROL, &init, all)])?;
+        ]);
+        // Then without the acknowledge bit, so that its echo in an emulated status is gone again.
+        let again = || [write("asking for INIT", register::AL_CONTROL, &init, all)];
+        let asked = asked.and_then(|()| self.transactor.perform(&mut again()));
+        asked.or_else(|error| Err(self.who_takes_no_request(count)?.unwrap_or(error)))?;
         for value in [2, 0] {
             self.transactor.perform(&mut [write(
                 "taking the EEPROM",
@@ -225,6 +227,23 @@ impl<L: Link, C: Clock> Bus<L, C> {
             )])?;
         }
         Ok(())
+    }
+
+    /// Who takes no request for a state, where not all did: its processor has yet to read the one before.
+    fn who_takes_no_request(&mut self, count: u16) -> Result<Option<SetUpError>, SetUpError> {
+        for position in 0..count {
+            let init = AlState::Init.bits().to_le_bytes();
+            let ask = Access::write_at("asking for INIT", position, register::AL_CONTROL, &init);
+            match self.transactor.perform_one(ask) {
+                Ok(_) => {}
+                Err(SetUpError::Access(AccessError { found: Found::WorkingCounter(0), .. })) => {
+                    return Ok(Some(SetUpError::NoFirmware { position }));
+                }
+                Err(SetUpError::Access(_)) => return Ok(None),
+                Err(other) => return Err(other),
+            }
+        }
+        Ok(None)
     }
 
     fn give_addresses(&mut self, count: u16) -> Result<Vec<Target>, SetUpError> {

@@ -106,6 +106,8 @@ pub struct Terminal {
     pub parameters: Vec<(ObjectAddress, usize)>,
 }
 
+/// What a terminal with firmware can be synchronised by.
+const DC_MODES: &[(&str, u16)] = &[("FreeRun", 0), ("DcSync", 0x0300)];
 /// Most bytes of a terminal's direction.
 const TERMINAL_BYTES: u16 = 128;
 
@@ -193,7 +195,7 @@ fn image(
         process_data,
         pdos,
         dictionary: None,
-        dc_modes: &[],
+        dc_modes: if mailbox.is_some() { DC_MODES } else { &[] },
     })
 }
 

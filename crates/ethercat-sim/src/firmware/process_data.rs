@@ -220,6 +220,10 @@ impl ProcessData {
             (true, _) if !supported(Synchronization::SYNC0) => return Err(conflict),
             (true, Some(3)) if !registers.sync1 => return Err(conflict),
             (true, Some(3)) => Beat::Sync1,
+            // SYNC0 comes several times to one SYNC1: it is the control loop's, and the application is SYNC1's.
+            (true, None) if registers.sync1 && registers.sync1_cycle_ns >= registers.sync0_cycle_ns => {
+                Beat::Sync1
+            }
             (true, _) => Beat::Sync0,
             (false, Some(2 | 3)) => return Err(conflict),
             (false, _) => own_beat,

@@ -104,12 +104,14 @@ pub(super) struct CyclicFrame {
 }
 
 /// Bits of the first eight header bytes that a command leaves alone: auto-increment and broadcast commands count
-/// the SubDevices in their position field.
+/// the SubDevices in their position field. A SubDevice whose port 0 is closed, as one at the end whose cables are swapped has it,
+/// marks frames as circulating once.
 fn unchanged_bits(command: Command) -> u64 {
+    const CIRCULATING: u64 = 1 << (48 + 14);
     match command {
-        Command::Aprd | Command::Apwr | Command::Aprw | Command::Armw => !0xFFFF_0000,
-        Command::Brd | Command::Bwr | Command::Brw | Command::Nop => !0xFFFF_0000,
-        _ => u64::MAX,
+        Command::Aprd | Command::Apwr | Command::Aprw | Command::Armw => !(0xFFFF_0000 | CIRCULATING),
+        Command::Brd | Command::Bwr | Command::Brw | Command::Nop => !(0xFFFF_0000 | CIRCULATING),
+        _ => !CIRCULATING,
     }
 }
 

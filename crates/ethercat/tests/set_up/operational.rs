@@ -196,6 +196,18 @@ fn a_slow_device_is_waited_for_as_long_as_it_may_take() {
 }
 
 #[test]
+fn one_at_the_end_whose_cables_are_swapped_reaches_op() {
+    for text in [
+        "[[subdevice]]\nkind = \"servo\"\ncount = 2\n\n[[subdevice]]\nkind = \"servo\"\nentry_port = 1\n",
+        "[[subdevice]]\nkind = \"servo\"\nentry_port = 1\n",
+    ] {
+        let (link, clock) = in_process(SegmentFile::parse(text).unwrap().build(Path::new(".")).unwrap());
+        let operational = to_op(link, clock, with_sync0).unwrap();
+        assert_eq!(operational.paced.bus().last_exchange(), Exchange::Complete);
+    }
+}
+
+#[test]
 fn events_of_the_clock_are_as_asked() {
     let cycle_ns = CYCLE.as_nanos() as u32 / 2;
     let dc = DcConfig::Sync0And1 { cycle_ns, shift_ns: 0, sync1_cycle_ns: cycle_ns + 100_000 };

@@ -86,6 +86,19 @@ fn one_whose_in_and_out_are_swapped_is_named() {
     assert_eq!(scan(fork(false)).0, Ok(4));
 }
 
+#[test]
+fn one_whose_processor_reads_nothing_is_named() {
+    use omnibase_ethercat_sim::Fault;
+    use omnibase_ethercat_sim::pdi::ApplicationFault;
+    let text = "[[subdevice]]\nkind = \"servo\"\ncount = 3\n";
+    let mut segment = SegmentFile::parse(text).unwrap().build(Path::new(".")).unwrap();
+    segment.inject(1, Fault::from(ApplicationFault::Frozen(true))).unwrap();
+    let (link, clock) = in_process(segment);
+    let error = Bus::new(link, clock, BusOptions::default()).scan().map(<[_]>::len).unwrap_err();
+    assert_eq!(error, SetUpError::NoFirmware { position: 1 });
+    assert!(error.to_string().contains("its firmware hangs or is missing"), "{error}");
+}
+
 /// A fork: 0 has 1 at port 3, 2 at port 1 (3 behind it, without clock; 4 behind that), 5 at port 2.
 #[test]
 fn delays_and_parents_in_a_tree_are_the_true_ones() {

@@ -9,8 +9,10 @@ use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::field::FILE_TIMEOUT;
 use omnibase_ethercat::mailbox::{FileAccess, MailboxError, MailboxRequest, Operation, ShortText};
 use omnibase_ethercat::wire::sii::PROTOCOL_FOE;
+use omnibase_host::stop_on_signals;
 use std::io::Write;
 use std::path::PathBuf;
+use std::sync::atomic::Ordering;
 
 /// The largest file that is read, bytes.
 const READ_LIMIT: usize = 64 << 20;
@@ -170,8 +172,17 @@ impl Place {
 
     fn transfer(&self, bus: &mut AnyBus, operation: Operation, data: Vec<u8>) -> anyhow::Result<Vec<u8>> {
         let bar = bar(data.len() as u64, "bytes");
+        // Half a firmware is none: who asks for an end is told so once, and a second time ends it.
+        let asked = stop_on_signals()?;
+        let mut is_told = !matches!(operation, Operation::WriteFile(_));
         let request = MailboxRequest::new(operation, data).with_timeout(FILE_TIMEOUT);
-        let done = bus.transfer_file(self.position, request, &mut |bytes| bar.set_position(bytes as u64));
+        let done = bus.transfer_file(self.position, request, &mut |bytes| {
+            bar.set_position(bytes as u64);
+            if asked.load(Ordering::Relaxed) && !is_told {
+                is_told = true;
+                warn("not ended: the device would be left with a part of the file; Ctrl-C again ends it all the same");
+            }
+        });
         bar.finish_and_clear();
         Ok(done?)
     }

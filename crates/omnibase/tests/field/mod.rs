@@ -124,6 +124,20 @@ fn a_simulator_that_dies_is_noticed() {
     });
 }
 
+#[test]
+fn a_second_simulator_on_one_interface_is_refused() {
+    let Some(namespace) = Namespace::for_test("a_second_simulator_on_one_interface_is_refused") else {
+        return;
+    };
+    namespace.run(|| {
+        let (_simulator, _) = Simulator::start(&[&segment("three-servos")]);
+        let second = omnibase(&["simulate", &segment("three-sgdv"), "--interface", Namespace::FAR]);
+        let words = text(&second.stderr);
+        assert_eq!(second.status.code(), Some(1), "{words}");
+        assert!(words.contains("is in use by process"), "{words}");
+    });
+}
+
 /// Frames that are damaged now and then cost exchanges: their end says where, by the counters of the chips.
 #[test]
 fn an_exchange_says_where_frames_were_damaged() {

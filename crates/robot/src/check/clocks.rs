@@ -69,6 +69,14 @@ pub(super) fn resolve(
         let reason = "SYNC1 comes between two SYNC0s";
         return refuse("sync1_shift_us", reason, sync1_shift_us.to_string(), limit);
     }
+    // Registers of 32 bits hold both.
+    let most_us = u64::from(u32::MAX) / 1000;
+    let sync1_us = u64::from(sync1_every - 1) * sync0_us + u64::from(sync1_shift_us);
+    if sync1_us > most_us {
+        let limit = format!("at most {}", (most_us - u64::from(sync1_shift_us)) / sync0_us + 1);
+        let reason = "SYNC1 comes 4.29 s behind a SYNC0 at most";
+        return refuse("sync1_every", reason, sync1_every.to_string(), limit);
+    }
     let assign_activate = match &table.assign_activate {
         Some(text) => identity_number(check, &format!("{setting}.assign_activate"), text)?,
         None => DcPlan::SYNC0.into(),

@@ -1,12 +1,13 @@
 //! The SubDevices without a wheel of a simulated robot.
 
+use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::sii::ImageTooShort;
 use omnibase_ethercat_sim::device::Piece;
 use omnibase_ethercat_sim::device::generic::Generic;
 use omnibase_ethercat_sim::device::simple::{self, Terminal};
 use omnibase_ethercat_sim::dictionary::standard::PdoMap;
-use omnibase_robot::config::{BusPlace, DevicePlan, PdoPlan};
+use omnibase_robot::config::{BusPlace, DevicePlan, ParameterPlan, PdoPlan};
 
 /// Vendor and product where the robot's file gives none.
 const VENDOR: u32 = 0xE000_0001;
@@ -21,11 +22,7 @@ pub(super) fn terminal(device: &DevicePlan, number: usize) -> Result<Generic, Im
         revision: device.identity.revision.unwrap_or(1),
         outputs: maps(&device.outputs, "Outputs"),
         inputs: maps(&device.inputs, "Inputs"),
-        parameters: device
-            .parameters
-            .iter()
-            .map(|one| (ObjectAddress::new(one.index, one.subindex), one.data.len()))
-            .collect(),
+        parameters: device.parameters.iter().flat_map(entries).collect(),
     };
     let generic = simple::terminal(&terminal, &piece(device, number))?;
     let mut bytes = vec![0; device.input_bytes()];
@@ -42,6 +39,22 @@ pub(super) fn terminal(device: &DevicePlan, number: usize) -> Result<Generic, Im
         generic.panel.set_input(ObjectAddress::new(entry.index, entry.subindex), value);
     }
     Ok(generic)
+}
+
+/// The entries that a parameter writes: those of a whole object are of one length, where its bytes can be shared out so.
+fn entries(parameter: &ParameterPlan) -> Vec<(ObjectAddress, usize)> {
+    let ParameterPlan { index, subindex, data, access, .. } = parameter;
+    if *access == SdoAccess::Entry {
+        return vec![(ObjectAddress::new(*index, *subindex), data.len())];
+    }
+    // Subindex 0 takes two bytes: how many entries follow, and a gap.
+    let (told, rest) = match data.as_slice() {
+        [count, _, rest @ ..] if *subindex == 0 => (usize::from(*count), rest.len()),
+        data => (data.len(), data.len()),
+    };
+    let bytes = if told > 0 && rest.is_multiple_of(told) { rest / told } else { 1 };
+    let bytes = if [1, 2, 4].contains(&bytes) { bytes } else { 1 };
+    (1..=u8::MAX).take(rest / bytes).map(|entry| (ObjectAddress::new(*index, entry), bytes)).collect()
 }
 
 /// One piece of its product, unlike all others.

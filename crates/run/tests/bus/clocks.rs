@@ -114,6 +114,11 @@ fn drives_that_beat_by_sync1_run_and_come_back_as_their_file_asks() {
     let dc = "{ assign_activate = \"0x0730\", sync0_per_cycle = 4, sync1_every = 4, sync1_shift_us = 20 }";
     let mode = "[{ object = \"1C32.1\", type = \"u16\", value = 3 }]";
     let changes = [format!("drive_defaults.dc = {dc}"), format!("drive_defaults.parameters = {mode}")];
+    // A drive that isn't told what starts its application takes the slower event for it.
+    let mut bench = Bench::new(&plan_with(&[&changes[0]]));
+    bench.enable();
+    bench.run(200);
+    assert_eq!(bench.robot.phase(), omnibase_robot::signals::Phase::Holding);
     let mut bench = Bench::new(&plan_with(&[&changes[0], &changes[1]]));
     bench.enable();
     bench.run(200);

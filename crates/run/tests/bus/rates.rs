@@ -172,3 +172,14 @@ fn a_slow_terminal_has_a_sync0_of_its_own_period_and_place() {
     assert_eq!(number(&bench, 0x09A0, 4), EVERY * CYCLE_NS);
     assert_eq!(number(&bench, 0x0990, 8) % CYCLE_NS, 300_000);
 }
+
+/// A terminal with what its maker wants: objects written one by one and as a whole, and a SYNC0.
+#[test]
+fn a_terminal_that_is_told_parameters_takes_whole_objects_and_a_sync0() {
+    let keys = "dc = { sync0_shift_us = 300 }\nparameters = [{ object = \"2200.1\", type = \"u8\", value = 1 }, \
+                { object = \"2300\", bytes = \"0200 0A00 1400\", complete_access = true }]\n";
+    let mut bench = Bench::new(&plan(&PANEL.replace("every = 10\n", &format!("every = 10\n{keys}"))));
+    bench.enable();
+    bench.run(5 * EVERY);
+    assert_eq!(bench.peek(3, 0x0981, 1)[0] & 0b11, 0b11);
+}

@@ -196,7 +196,7 @@ impl Logbook {
                 let path = path.display();
                 self.note(
                     now,
-                    format!("SubDevice {position}: no firmware is connected at `{path}`: it stays in INIT"),
+                    format!("SubDevice {position}: no firmware is connected at `{path}`: nobody answers its requests"),
                 );
             }
             None if was => self.note(now, format!("SubDevice {position}: its firmware is connected")),

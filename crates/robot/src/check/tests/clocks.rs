@@ -69,6 +69,13 @@ fn modes_that_cant_be_are_refused_with_what_was_expected() {
         ),
         (
             "",
+            "every = 300\ndc = { assign_activate = \"0x0700\", sync1_every = 100 }",
+            "device[3].dc.sync1_every",
+            "100",
+            "at most 15",
+        ),
+        (
+            "",
             "dc = { sync0_shift_us = 1000 }",
             "device[3].dc.sync0_shift_us",
             "1000",
