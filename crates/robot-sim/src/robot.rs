@@ -10,6 +10,7 @@ use omnibase_ethercat_sim::device::Piece;
 use omnibase_ethercat_sim::device::drive::{Drive, DriveKind};
 use omnibase_ethercat_sim::device::servo::Encoder;
 use omnibase_ethercat_sim::{Segment, SubDevice, TopologyError};
+use omnibase_ethercat_wire::coe::ObjectAddress;
 
 /// A drive at a position of the bus.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,6 +27,8 @@ pub struct DriveStation {
     pub encoder: Encoder,
     /// Counts of the encoder per revolution of the motor.
     pub counts_per_revolution: u32,
+    /// Objects of its maker's own, each with its bytes.
+    pub parameters: Vec<(ObjectAddress, usize)>,
 }
 
 impl DriveStation {
@@ -47,6 +50,7 @@ impl DriveStation {
             initial_position: i32::from_ne_bytes(number.wrapping_mul(0x3C6E_F372).to_ne_bytes()) >> 8,
             encoder: Encoder::Incremental,
             counts_per_revolution: 1 << 20,
+            parameters: Vec::new(),
         }
     }
 
@@ -59,6 +63,7 @@ impl DriveStation {
         drive.servo.initial_position = self.initial_position;
         drive.servo.encoder = self.encoder;
         drive.servo.counts_per_revolution = self.counts_per_revolution;
+        drive.servo.parameters.clone_from(&self.parameters);
         // The current loop is the motor's, where it runs in the machine's fine steps.
         drive.servo.torque_time_constant_s = 0.0;
         drive

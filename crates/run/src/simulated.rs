@@ -1,5 +1,7 @@
 //! The simulated robot of a plan: what the file says, and the simulator's documented figures for the rest.
 
+use std::ops::RangeInclusive;
+
 use omnibase_ethercat_sim::device::drive::{DriveKind, SGDV_PRODUCT, SGDV_VENDOR};
 use omnibase_ethercat_sim::device::panel::IoPanel;
 use omnibase_ethercat_sim::device::servo::Encoder;
@@ -245,6 +247,9 @@ fn order(plan: &RobotPlan) -> Vec<usize> {
     order
 }
 
+/// Indices that the standard leaves to makers (ETG.1000.6, object dictionary): a simulated drive takes what the file writes there.
+const MAKERS_OWN: RangeInclusive<u16> = 0x2000..=0x5FFF;
+
 /// The simulated drive of a product.
 fn kind(identity: &Identity) -> DriveKind {
     let is_sgdv = (identity.vendor_id, identity.product_code) == (Some(SGDV_VENDOR), Some(SGDV_PRODUCT));
@@ -260,6 +265,8 @@ fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
             EncoderName::Absolute => Encoder::Absolute,
         };
         station.counts_per_revolution = drive.scale.counts_per_revolution;
+        let own = drive.parameters.iter().filter(|parameter| MAKERS_OWN.contains(&parameter.index));
+        station.parameters = own.flat_map(beside::entries).collect();
         match drive.place {
             BusPlace::Alias(alias) => station.piece.alias = alias,
             BusPlace::Identification(number) => station.piece.identification = Some(number),

@@ -60,6 +60,8 @@ pub struct ServoConfig {
     pub synchronization: Synchronization,
     /// Error codes of 0x603F for faults of the communication.
     pub faults: CommunicationFaults,
+    /// Objects of its maker's own that it takes beside the standard's, each with its bytes; nothing follows from them.
+    pub parameters: Vec<(ObjectAddress, usize)>,
 }
 
 /// What an encoder shows after its supply was off.
@@ -111,6 +113,7 @@ impl Default for ServoConfig {
                 synchronization: BEAT_LOST,
                 emergency: None,
             },
+            parameters: Vec::new(),
         }
     }
 }

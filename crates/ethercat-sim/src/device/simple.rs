@@ -150,7 +150,7 @@ pub fn terminal(terminal: &Terminal, piece: &Piece) -> Result<Generic, ImageTooS
 }
 
 /// The objects of parameters, those of one index together.
-fn objects(parameters: &[(ObjectAddress, usize)]) -> Vec<Object> {
+pub(super) fn objects(parameters: &[(ObjectAddress, usize)]) -> Vec<Object> {
     let mut sorted = parameters.to_vec();
     sorted.sort_by_key(|(at, _)| (at.index, at.subindex));
     sorted.dedup_by_key(|(at, _)| *at);

@@ -42,7 +42,7 @@ pub(super) fn terminal(device: &DevicePlan, number: usize) -> Result<Generic, Im
 }
 
 /// The entries that a parameter writes: those of a whole object are of one length, where its bytes can be shared out so.
-fn entries(parameter: &ParameterPlan) -> Vec<(ObjectAddress, usize)> {
+pub(super) fn entries(parameter: &ParameterPlan) -> Vec<(ObjectAddress, usize)> {
     let ParameterPlan { index, subindex, data, access, .. } = parameter;
     if *access == SdoAccess::Entry {
         return vec![(ObjectAddress::new(*index, *subindex), data.len())];

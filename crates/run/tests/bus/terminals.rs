@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use omnibase_ethercat::wire::coe::AbortCode;
 use omnibase_ethercat_sim::{Fault, in_process};
 
 use omnibase_robot::signals::{Phase, SafetyReason};
@@ -9,7 +10,7 @@ use omnibase_robot::{Exchange, ImageBuffer, Registry, Robot, RobotPlan};
 use omnibase_run::{RobotText, simulated};
 use omnibase_session::session::Session;
 
-use crate::bench::{BMM, Bench, plan};
+use crate::bench::{BMM, Bench, plan, plan_with};
 
 const BUTTONS: &str = "[[device]]\nname = \"buttons\"\nposition = 3\nkind = \"io\"\n\
     inputs = [{ pdo = \"0x1A00\", map = \"6000.1:1 6000.2:1\" }]\n\
@@ -200,4 +201,23 @@ fn a_terminal_with_a_mailbox_is_sent_its_maps_and_parameters() {
     let other = text.replace("6000.1:1 6000.2:1", "6000.2:1 6000.1:1");
     let error = refused(&plan(&other), &plan(&text));
     assert!(error.contains("6000") || error.contains("1a00"), "{error}");
+}
+
+/// What a maker's file has written into objects of its own range is taken by simulated drives, too; what the standard has and
+/// they haven't is refused.
+#[test]
+fn objects_of_a_drives_maker_are_taken_and_unknown_ones_of_the_standard_are_not() {
+    let parameters = |list: &str| plan_with(&[&format!("drive_defaults.parameters = [{list}]")]);
+    let own = "{ object = \"2200.1\", type = \"u16\", value = 7 }, \
+               { object = \"2300\", bytes = \"0200 0A00 1400\", complete_access = true }";
+    let mut bench = Bench::new(&parameters(own));
+    bench.enable();
+    bench.run(10);
+    assert_eq!(bench.robot.phase(), Phase::Holding);
+    let unknown = std::panic::catch_unwind(|| {
+        Bench::new(&parameters("{ object = \"6FFF.1\", type = \"u16\", value = 7 }"));
+    });
+    let told = unknown.unwrap_err();
+    let told = told.downcast_ref::<String>().unwrap();
+    assert!(told.contains(&AbortCode::NO_SUCH_OBJECT.0.to_string()), "{told}");
 }

@@ -3,6 +3,7 @@
 use std::ops::RangeInclusive;
 
 use super::ServoConfig;
+use crate::device::simple;
 use crate::dictionary::standard::{self, Mapping, Nameplate, PdoMap};
 use crate::dictionary::{Access, DataType, Dictionary, Entry, Field, Object, Scalar};
 use crate::firmware::Synchronization;
@@ -32,6 +33,12 @@ pub(super) fn objects(config: &ServoConfig, nameplate: &Nameplate, pdos: &[PdoMa
     objects.extend(state_objects());
     objects.extend(motion_objects(config));
     objects.extend(manufacturer_objects());
+    for own in simple::objects(&config.parameters) {
+        match objects.iter_mut().find(|object| object.index == own.index) {
+            Some(known) => known.add_missing(own),
+            None => objects.push(own),
+        }
+    }
     objects
 }
 
