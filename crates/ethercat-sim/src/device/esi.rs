@@ -2,11 +2,13 @@
 
 use super::Piece;
 use super::generic::{Generic, More};
+use super::simple;
 use crate::SubDevice;
 use crate::dictionary::{Access, DataType, Entry, Object};
 use crate::segment_file::EsiDevice;
-use omnibase_esi::model::{InitCommand, ObjectRights, OdEntry, OdObject, OdShape, SlotIndex};
+use omnibase_esi::model::{ObjectRights, OdEntry, OdObject, OdShape, SlotIndex};
 use omnibase_esi::{Assembly, Command, Doubt, EsiFile, image};
+use omnibase_ethercat_wire::coe::ObjectAddress;
 use std::path::Path;
 
 /// Objects of the communication profile that the image makes and the file's aren't taken for: identity, assignments.
@@ -146,10 +148,19 @@ fn access(rights: &ObjectRights) -> Access {
 fn make_room(command: &Command, objects: &mut Vec<Object>) {
     let command = &command.command;
     if command.complete_access {
-        return make_room_for_all(command, objects);
+        if !objects.iter().any(|object| object.index == command.index.index) {
+            let address = ObjectAddress::new(command.index.index, command.subindex);
+            objects.extend(simple::objects(&simple::entries_of_whole(address, &command.data)));
+        }
+        return;
     }
     let bytes = command.data.len();
-    let data_type = type_of(bytes).unwrap_or(DataType::OCTET_STRING);
+    let data_type = match bytes {
+        1 => DataType::UNSIGNED8,
+        2 => DataType::UNSIGNED16,
+        4 => DataType::UNSIGNED32,
+        _ => DataType::OCTET_STRING,
+    };
     let value = if data_type.has_variable_length() { Vec::new() } else { vec![0; bytes] };
     let name =
         if command.comment.is_empty() { "Told at the start".to_owned() } else { command.comment.clone() };
@@ -163,37 +174,4 @@ fn make_room(command: &Command, objects: &mut Vec<Object>) {
     } else {
         objects.push(Object::record(index, name, DataType::RECORD, vec![entry]));
     }
-}
-
-/// The same for a whole object in one transfer: entries of one length, as many as the bytes say, else single bytes.
-fn make_room_for_all(command: &InitCommand, objects: &mut Vec<Object>) {
-    let index = command.index.index;
-    if objects.iter().any(|object| object.index == index) {
-        return;
-    }
-    // Subindex 0 takes two bytes: how many entries follow, and a gap.
-    let (told, data) = match command.data.as_slice() {
-        [count, _, rest @ ..] if command.subindex == 0 => (usize::from(*count), rest),
-        data => (data.len(), data),
-    };
-    let bytes = if told > 0 && data.len().is_multiple_of(told) { data.len() / told } else { 1 };
-    let (bytes, data_type) = type_of(bytes).map_or((1, DataType::UNSIGNED8), |known| (bytes, known));
-    let entries = data.chunks(bytes).zip(1..=u8::MAX).map(|(chunk, subindex)| {
-        let name = format!("Told at the start {subindex}");
-        Entry::new(subindex, name, data_type, vec![0; chunk.len()]).with_access(Access::READ_WRITE)
-    });
-    let entries: Vec<Entry> = entries.collect();
-    let count = Entry::unsigned8(0, "Number of entries", entries.len() as u8).with_access(Access::READ_WRITE);
-    let entries = std::iter::once(count).chain(entries).collect();
-    objects.push(Object::record(index, "Told at the start", DataType::RECORD, entries));
-}
-
-/// The unsigned type of so many bytes.
-fn type_of(bytes: usize) -> Option<DataType> {
-    Some(match bytes {
-        1 => DataType::UNSIGNED8,
-        2 => DataType::UNSIGNED16,
-        4 => DataType::UNSIGNED32,
-        _ => return None,
-    })
 }

@@ -149,6 +149,19 @@ pub fn terminal(terminal: &Terminal, piece: &Piece) -> Result<Generic, ImageTooS
     Generic::with_objects(&sii, piece, objects(parameters))
 }
 
+/// The entries of an object that is written whole, from this subindex (0 or 1), each with its bytes: of one length, where the bytes
+/// can be shared out so, else single bytes.
+pub fn entries_of_whole(first: ObjectAddress, data: &[u8]) -> Vec<(ObjectAddress, usize)> {
+    // Subindex 0 takes two bytes: how many entries follow, and a gap.
+    let (told, rest) = match data {
+        [count, _, rest @ ..] if first.subindex == 0 => (usize::from(*count), rest.len()),
+        data => (data.len(), data.len()),
+    };
+    let bytes = if told > 0 && rest.is_multiple_of(told) { rest / told } else { 1 };
+    let bytes = if [1, 2, 4].contains(&bytes) { bytes } else { 1 };
+    (1..=u8::MAX).take(rest / bytes).map(|entry| (ObjectAddress::new(first.index, entry), bytes)).collect()
+}
+
 /// The objects of parameters, those of one index together.
 pub(super) fn objects(parameters: &[(ObjectAddress, usize)]) -> Vec<Object> {
     let mut sorted = parameters.to_vec();

@@ -41,20 +41,13 @@ pub(super) fn terminal(device: &DevicePlan, number: usize) -> Result<Generic, Im
     Ok(generic)
 }
 
-/// The entries that a parameter writes: those of a whole object are of one length, where its bytes can be shared out so.
+/// The entries that a parameter writes, each with its bytes.
 pub(super) fn entries(parameter: &ParameterPlan) -> Vec<(ObjectAddress, usize)> {
-    let ParameterPlan { index, subindex, data, access, .. } = parameter;
-    if *access == SdoAccess::Entry {
-        return vec![(ObjectAddress::new(*index, *subindex), data.len())];
+    let address = ObjectAddress::new(parameter.index, parameter.subindex);
+    match parameter.access {
+        SdoAccess::Entry => vec![(address, parameter.data.len())],
+        SdoAccess::Complete => simple::entries_of_whole(address, &parameter.data),
     }
-    // Subindex 0 takes two bytes: how many entries follow, and a gap.
-    let (told, rest) = match data.as_slice() {
-        [count, _, rest @ ..] if *subindex == 0 => (usize::from(*count), rest.len()),
-        data => (data.len(), data.len()),
-    };
-    let bytes = if told > 0 && rest.is_multiple_of(told) { rest / told } else { 1 };
-    let bytes = if [1, 2, 4].contains(&bytes) { bytes } else { 1 };
-    (1..=u8::MAX).take(rest / bytes).map(|entry| (ObjectAddress::new(*index, entry), bytes)).collect()
 }
 
 /// One piece of its product, unlike all others.
