@@ -241,16 +241,23 @@ fn an_sgdv_runs_with_multiples_of_125_us_only() {
 }
 
 #[test]
-fn a_sync1_cycle_must_hold_whole_sync0_cycles() {
-    for (sync1_ns, expected) in
-        [(1_500_000_u32, (PRE_OP | ERROR, 0x37)), (2_000_000, (SAFE_OP, 0)), (300_000, (SAFE_OP, 0))]
-    {
+fn a_drive_on_sync1_takes_from_one_to_the_next_for_its_cycle() {
+    // SYNC1 is counted from the first SYNC0 behind the one before; a rest is a shift.
+    for (sync1_ns, cycle_ns) in [
+        (0_u32, 1_000_000),
+        (300_000, 1_000_000),
+        (1_000_000, 2_000_000),
+        (1_500_000, 2_000_000),
+        (3_000_000, 4_000_000),
+    ] {
         let mut rig = configured(DriveKind::Generic, SERVO);
         rig.download(FIRST, (0x1C32, 1), &[3, 0]).unwrap();
         rig.write(FIRST, 0x09A4, &sync1_ns.to_le_bytes());
         rig.sync0_on(FIRST, 1_000_000, 50_000_000);
         rig.write(FIRST, 0x0981, &[7]);
-        assert_eq!(rig.request(FIRST, SAFE_OP), expected, "{sync1_ns} ns");
+        assert_eq!(rig.request(FIRST, SAFE_OP), (SAFE_OP, 0), "{sync1_ns} ns");
+        assert_eq!(rig.upload(FIRST, (0x1C32, 1)), Ok(3));
+        assert_eq!(rig.upload(FIRST, (0x1C32, 2)), Ok(cycle_ns), "{sync1_ns} ns");
     }
 }
 
