@@ -220,10 +220,10 @@ fn events_of_the_clock_are_as_asked() {
         let control = u16_at(esc.peek(register::DC_CYCLIC_CONTROL, 2).unwrap(), 0);
         let sync0 = u32_at(esc.peek(register::DC_SYNC0_CYCLE, 4).unwrap(), 0);
         let sync1 = u32_at(esc.peek(register::DC_SYNC1_CYCLE, 4).unwrap(), 0);
-        // SYNC1 is counted from SYNC0: it comes where frames come, in each cycle at the same place.
-        let next = u64_at(esc.peek(register::DC_NEXT_SYNC1, 8).unwrap(), 0);
-        (control, sync0, sync1, next % CYCLE.as_nanos() as u64)
+        // SYNC1 is counted from the first SYNC0: that is in phase with the cycle, so that SYNC1 is at its place in each.
+        let start = u64_at(esc.peek(register::DC_START_TIME, 8).unwrap(), 0);
+        (control, sync0, sync1, start % CYCLE.as_nanos() as u64)
     };
-    assert_eq!(registers(None), (0x0700, cycle_ns, cycle_ns + 100_000, 600_000));
-    assert_eq!(registers(Some(0x0730)), (0x0730, cycle_ns, cycle_ns + 100_000, 600_000));
+    assert_eq!(registers(None), (0x0700, cycle_ns, cycle_ns + 100_000, 0));
+    assert_eq!(registers(Some(0x0730)), (0x0730, cycle_ns, cycle_ns + 100_000, 0));
 }
