@@ -2,7 +2,9 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use omnibase_ethercat::mailbox::{FileAccess, Mailbox, MailboxRequest, ObjectList, Operation, ShortText};
+use omnibase_ethercat::mailbox::{
+    DEFAULT_TIMEOUT, FileAccess, Mailbox, MailboxRequest, ObjectList, Operation, ShortText,
+};
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::subdevice::{MailboxConfig, MemoryArea};
 use omnibase_ethercat::wire::coe::ObjectAddress;
@@ -27,6 +29,7 @@ fuzz_target!(|bytes: &[u8]| {
         write: MemoryArea { start: 0x1000, length: 64 },
         read: MemoryArea { start: 0x1080, length: 64 },
         protocols: sii::PROTOCOL_COE,
+        answer_timeout: DEFAULT_TIMEOUT,
     };
     let mut mailbox = Mailbox::new(0x1001, config).expect("64 bytes are enough");
     let object = ObjectAddress::new(0x6041, 0);
