@@ -82,12 +82,17 @@ pub enum DcConfig {
 }
 
 impl DcConfig {
-    /// What turns its events on: the registers 0x0980 (low byte) and 0x0981, as ESI files call it AssignActivate.
+    /// The bits of AssignActivate, as ESI files call the word of the registers 0x0980 (low byte) and 0x0981, that turn SYNC0 on.
+    pub const SYNC0: u16 = 0x0300;
+    /// Its bit for SYNC1.
+    pub const SYNC1: u16 = 0x0400;
+
+    /// What turns its events on.
     pub fn assign_activate(self) -> u16 {
         match self {
             DcConfig::Off => 0,
-            DcConfig::Sync0 { .. } => 0x0300,
-            DcConfig::Sync0And1 { .. } => 0x0700,
+            DcConfig::Sync0 { .. } => DcConfig::SYNC0,
+            DcConfig::Sync0And1 { .. } => DcConfig::SYNC0 | DcConfig::SYNC1,
         }
     }
 }

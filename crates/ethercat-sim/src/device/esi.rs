@@ -148,11 +148,8 @@ fn access(rights: &ObjectRights) -> Access {
 fn make_room(command: &Command, objects: &mut Vec<Object>) {
     let command = &command.command;
     if command.complete_access {
-        if !objects.iter().any(|object| object.index == command.index.index) {
-            let address = ObjectAddress::new(command.index.index, command.subindex);
-            objects.extend(simple::objects(&simple::entries_of_whole(address, &command.data)));
-        }
-        return;
+        let address = ObjectAddress::new(command.index.index, command.subindex);
+        return simple::add_objects(objects, &simple::entries_of_whole(address, &command.data));
     }
     let bytes = command.data.len();
     let data_type = match bytes {

@@ -162,8 +162,18 @@ pub fn entries_of_whole(first: ObjectAddress, data: &[u8]) -> Vec<(ObjectAddress
     (1..=u8::MAX).take(rest / bytes).map(|entry| (ObjectAddress::new(first.index, entry), bytes)).collect()
 }
 
+/// Adds the objects of parameters to those of a device; what it has itself stays as it is.
+pub(super) fn add_objects(objects: &mut Vec<Object>, parameters: &[(ObjectAddress, usize)]) {
+    for own in self::objects(parameters) {
+        match objects.iter_mut().find(|object| object.index == own.index) {
+            Some(known) => known.add_missing(own),
+            None => objects.push(own),
+        }
+    }
+}
+
 /// The objects of parameters, those of one index together.
-pub(super) fn objects(parameters: &[(ObjectAddress, usize)]) -> Vec<Object> {
+fn objects(parameters: &[(ObjectAddress, usize)]) -> Vec<Object> {
     let mut sorted = parameters.to_vec();
     sorted.sort_by_key(|(at, _)| (at.index, at.subindex));
     sorted.dedup_by_key(|(at, _)| *at);

@@ -276,8 +276,8 @@ fn parse_watchdog(text: &str) -> Result<u16, String> {
 /// Whether SYNC0 makes sense: a clock, process data, and an application that may use it. A SubDevice without a
 /// mailbox (a digital terminal) uses it only where its SII says so.
 fn wants_sync(one: &SubDevice) -> bool {
-    const SYNC0: u16 = 0x0200;
-    let offers = one.sii.dc_modes.iter().any(|mode| mode.assign_activate & SYNC0 != 0);
+    let offers =
+        one.sii.dc_modes.iter().any(|mode| mode.assign_activate & DcConfig::SYNC0 == DcConfig::SYNC0);
     let speaks_coe = one.sii.header.mailbox_protocols & sii::PROTOCOL_COE != 0;
     let has_pdos = !(one.sii.tx_pdos.is_empty() && one.sii.rx_pdos.is_empty());
     one.dc.is_some() && (speaks_coe || (offers && has_pdos))

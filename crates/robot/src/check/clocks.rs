@@ -1,5 +1,7 @@
 //! A SubDevice's events of distributed clocks.
 
+use omnibase_ethercat::DcConfig;
+
 use super::Check;
 use super::bus::cycle_us;
 use super::subdevices::identity_number;
@@ -79,7 +81,7 @@ pub(super) fn resolve(
     }
     let assign_activate = match &table.assign_activate {
         Some(text) => identity_number(check, &format!("{setting}.assign_activate"), text)?,
-        None => DcPlan::SYNC0.into(),
+        None => DcConfig::SYNC0.into(),
     };
     let plan = DcPlan {
         assign_activate: assign_activate as u16,
@@ -91,7 +93,7 @@ pub(super) fn resolve(
     let wants_sync1 = table.sync1_every.is_some() || table.sync1_shift_us.is_some();
     let reason = if u16::try_from(assign_activate).is_err() {
         "it is a word of 16 bits"
-    } else if plan.assign_activate & DcPlan::SYNC0 != DcPlan::SYNC0 {
+    } else if plan.assign_activate & DcConfig::SYNC0 != DcConfig::SYNC0 {
         "it turns no SYNC0 on; leave the table out where none is wanted"
     } else if plan.assign_activate & 1 != 0 {
         "it gives the SYNC unit to the device itself, and its times are written by the bus"

@@ -21,15 +21,10 @@ pub struct DcPlan {
 }
 
 impl DcPlan {
-    /// Bits of [`DcPlan::assign_activate`] that turn SYNC0 on.
-    pub const SYNC0: u16 = 0x0300;
-    /// Its bit for SYNC1.
-    pub const SYNC1: u16 = 0x0400;
-
     /// A SYNC0 in each cycle.
     pub fn sync0(shift_ns: i32) -> Self {
         DcPlan {
-            assign_activate: DcPlan::SYNC0,
+            assign_activate: DcConfig::SYNC0,
             sync0_per_cycle: 1,
             sync0_shift_ns: shift_ns,
             sync1_every: 1,
@@ -39,7 +34,7 @@ impl DcPlan {
 
     /// Whether SYNC1 is on.
     pub fn has_sync1(&self) -> bool {
-        self.assign_activate & DcPlan::SYNC1 != 0
+        self.assign_activate & DcConfig::SYNC1 != 0
     }
 
     /// What the bus is asked for, where the SubDevice's cycle has this length.

@@ -33,12 +33,7 @@ pub(super) fn objects(config: &ServoConfig, nameplate: &Nameplate, pdos: &[PdoMa
     objects.extend(state_objects());
     objects.extend(motion_objects(config));
     objects.extend(manufacturer_objects());
-    for own in simple::objects(&config.parameters) {
-        match objects.iter_mut().find(|object| object.index == own.index) {
-            Some(known) => known.add_missing(own),
-            None => objects.push(own),
-        }
-    }
+    simple::add_objects(&mut objects, &config.parameters);
     objects
 }
 

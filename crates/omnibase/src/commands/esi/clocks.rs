@@ -3,11 +3,7 @@
 use crate::robot_table::RobotTable;
 use omnibase_esi::Device;
 use omnibase_esi::model::{DcMode, SyncTimes};
-
-/// Bits of AssignActivate that turn SYNC0 on.
-const SYNC0: u16 = 0x0300;
-/// Its bit for SYNC1.
-const SYNC1: u16 = 0x0400;
+use omnibase_ethercat::DcConfig;
 
 /// The mode that the device is given, and the others beside it.
 pub fn modes(device: &Device, is_drive: bool, table: &mut RobotTable) {
@@ -35,7 +31,7 @@ pub fn modes(device: &Device, is_drive: bool, table: &mut RobotTable) {
 }
 
 fn has_sync0(mode: &DcMode) -> bool {
-    mode.assign_activate & SYNC0 == SYNC0
+    mode.assign_activate & DcConfig::SYNC0 == DcConfig::SYNC0
 }
 
 /// A mode with SYNC0 as the key `dc`, or why that can't say it.
@@ -54,7 +50,7 @@ fn keys(mode: &DcMode, is_drive: bool) -> Result<String, String> {
     if per_cycle > 1 {
         values.push(format!("sync0_per_cycle = {per_cycle}"));
     }
-    if mode.assign_activate & SYNC1 == 0 {
+    if mode.assign_activate & DcConfig::SYNC1 == 0 {
         return Ok(format!("dc = {{ {} }}", values.join(", ")));
     }
     let every = match (mode.sync1.cycle_ns, mode.sync1.factor.unwrap_or(1)) {
@@ -91,7 +87,7 @@ pub fn synchronisation(mode: &DcMode) -> String {
         format!("cycle {cycle}, shift {} ns", times.shift_ns)
     };
     let activate = mode.assign_activate;
-    match (activate & 0x0100 != 0, activate & 0x0400 != 0) {
+    match (has_sync0(mode), activate & DcConfig::SYNC1 != 0) {
         (false, _) => format!("\"{name}\" without SYNC (AssignActivate 0x{activate:04X})"),
         (true, false) => {
             format!(
