@@ -169,7 +169,7 @@ impl<L: Link, C: Clock> Session<L, C> {
         let configs: Vec<_> = drives.chain(peripherals).collect();
         let configured = bus.configure(&configs);
         bus.warnings().iter().for_each(|warning| warn(warning.to_string()));
-        configured.map_err(peripherals::unnamed)?;
+        configured.map_err(SessionError::of_configuration)?;
         for device in &plan.devices {
             peripherals::check_maps(device, bus.subdevices())?;
         }

@@ -37,7 +37,7 @@ pub struct Arguments {
     /// Read the whole object dictionary with its values (SDO Information).
     #[arg(long)]
     dictionary: bool,
-    /// Print one JSON object: {"subdevices": [...], "cycle", "trouble"}.
+    /// Print one JSON object: {"subdevices": [...], "cycle", "trouble", "warnings"}.
     #[arg(long)]
     json: bool,
     /// Print `[[drive]]` and `[[device]]` tables for a robot's file: identity, maps as found, what drives tell of
@@ -95,6 +95,7 @@ pub fn look(
         subdevices: bus.subdevices().iter().map(SubDeviceReport::new).collect(),
         cycle: bus.cycle_fit().ok().map(CycleReport::from),
         trouble: bus.look_for_trouble()?.iter().map(ToString::to_string).collect(),
+        warnings: bus.warnings().iter().map(ToString::to_string).collect(),
     };
     for (one, state) in report.subdevices.iter_mut().zip(states) {
         one.state = state;

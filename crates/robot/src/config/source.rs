@@ -147,6 +147,16 @@ impl Source<RobotFile> {
     }
 }
 
+/// Keys that were once there: the list or table, the key, and what to write now.
+const RETIRED_KEYS: [(&str, &str, &str); 2] = [
+    (
+        "device",
+        "sync0",
+        "its clock's events stand in its table `dc` now: write `dc = { assign_activate = \"0x0300\" }` for a SYNC0 in each of its cycles",
+    ),
+    ("device", "sync0_shift_us", "it stands in the table `dc` now: write `dc = { sync0_shift_us = … }`"),
+];
+
 /// Choices that were once there: their setting, their name, and what to write now.
 const RETIRED: [(&str, &str, &str); 1] = [(
     "safety.after_lost_device",
@@ -244,9 +254,12 @@ impl<'s> Walk<'s> {
             self.problem(ProblemKind::WrongUnit, setting, None, reason).limit = Some(right.clone());
             return;
         }
-        let reason = match nearest(name, properties.keys().map(String::as_str)) {
-            Some(near) => format!("no setting has this name; did you mean `{near}`?"),
-            None => "no setting has this name".to_string(),
+        let table = setting.split(['.', '[']).next().unwrap_or_default();
+        let retired = RETIRED_KEYS.iter().find(|(whose, key, _)| (*whose, *key) == (table, name));
+        let reason = match (retired, nearest(name, properties.keys().map(String::as_str))) {
+            (Some((.., words)), _) => (*words).to_string(),
+            (None, Some(near)) => format!("no setting has this name; did you mean `{near}`?"),
+            (None, None) => "no setting has this name".to_string(),
         };
         let names: Vec<&str> = properties.keys().map(String::as_str).collect();
         self.problem(ProblemKind::UnknownKey, setting, None, reason).limit = Some(names.join(", "));

@@ -1,16 +1,21 @@
-//! Who is plugged in where: what is harmless is named, what matters is refused.
+//! Who is plugged in where, and doesn't come along: what is harmless is named, what matters is refused.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
 
 use omnibase_ethercat_sim::device::Piece;
 use omnibase_ethercat_sim::device::axis::Load;
 use omnibase_ethercat_sim::device::drive::{Drive, DriveKind};
 use omnibase_ethercat_sim::pdi::ApplicationFault;
-use omnibase_ethercat_sim::{Fault, Segment};
+use omnibase_ethercat_sim::segment_file::SegmentFile;
+use omnibase_ethercat_sim::{Fault, Segment, in_process};
 use omnibase_robot::Exchange;
 use omnibase_robot::signals::Phase;
 use omnibase_robot_sim::RobotSim;
 use omnibase_run::simulated;
+use omnibase_session::session::Session;
 
-use crate::bench::{Bench, plan};
+use crate::bench::{Bench, plan, plan_with};
 
 const OP: u8 = 8;
 
@@ -83,4 +88,24 @@ fn two_that_kept_power_and_changed_places_are_refused() {
     assert_eq!(refused.len(), 2, "{:?}", bench.events);
     assert!(refused[0].1.contains("stands station 0x100"), "{refused:?}");
     assert_ne!((bench.al_status(1), bench.al_status(2)), (OP, OP));
+}
+
+/// Three drives of the BMM that take 11 s for each change of state.
+const SLOW: &str = "[[subdevice]]\nkind = \"sgdv\"\ncount = 3\nservo = { transition_us = 11_000_000 }\n";
+
+#[test]
+fn a_drive_that_is_too_slow_is_told_with_the_key_that_gives_it_longer() {
+    for (timeouts, told, key) in [
+        ("", "PRE-OP not reached within 3s", "pre_op_ms"),
+        ("pre_op_ms = 12_000, init_ms = 12_000", "still in PRE-OP after 10.0", "safe_op_op_ms"),
+    ] {
+        let plan = plan_with(&[&format!("drive_defaults.timeouts = {{ {timeouts} }}")]);
+        let (link, clock) = in_process(SegmentFile::parse(SLOW).unwrap().build(Path::new(".")).unwrap());
+        let session = Session::prepare(link, clock, &plan, &mut |_| ());
+        let reached = session.and_then(|mut session| session.reach_op(&AtomicBool::new(false)));
+        let text = reached.unwrap_err().to_string();
+        let way_out =
+            format!("`timeouts = {{ {key} = … }}` in its table of the robot's file gives it longer");
+        assert!(text.contains(told) && text.ends_with(&way_out), "{text}");
+    }
 }

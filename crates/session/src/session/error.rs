@@ -4,9 +4,14 @@ use std::fmt;
 
 use omnibase_cia402::{Mode, SupportedModes};
 use omnibase_ethercat::SetUpError;
+use omnibase_ethercat::cyclic::{Goal, TransitionError};
 use omnibase_ethercat::image::{CycleFit, PlanError};
+use omnibase_ethercat::mailbox::MailboxError;
+use omnibase_ethercat::mismatch::Mismatch;
 use omnibase_ethercat::paced::ReachError;
-use omnibase_ethercat::wire::LinkError;
+use omnibase_ethercat::start_up::StartUpFailure;
+use omnibase_ethercat::state::{StateError, StateFailure};
+use omnibase_ethercat::wire::{AlState, LinkError};
 
 /// Why a robot's bus couldn't be brought to OP, or kept.
 #[derive(Debug, thiserror::Error)]
@@ -67,6 +72,14 @@ pub enum SessionError {
     /// A SubDevice refused a state.
     #[error(transparent)]
     Reach(ReachError),
+    /// A SubDevice didn't come as far in the time that it has.
+    #[error("{cause}; `timeouts = {{ {key} = … }}` in its table of the robot's file gives it longer")]
+    TooSlow {
+        /// What it didn't do.
+        cause: Box<SessionError>,
+        /// The key of the robot's file by which it has longer.
+        key: &'static str,
+    },
     /// The port is broken.
     #[error(transparent)]
     Link(#[from] LinkError),
@@ -119,7 +132,57 @@ impl From<ReachError> for SessionError {
     fn from(error: ReachError) -> Self {
         match error {
             ReachError::Link(error) => SessionError::Link(error),
-            ReachError::Transition { .. } => SessionError::Reach(error),
+            ReachError::Transition { .. } => SessionError::Reach(error).with_way_out(),
+        }
+    }
+}
+
+impl SessionError {
+    /// A set-up by the robot's file that failed.
+    pub(super) fn of_configuration(error: SetUpError) -> Self {
+        match error {
+            SetUpError::Mismatch(Mismatch::Count { expected, found, .. }) if found > expected => {
+                SessionError::Unnamed(error)
+            }
+            other => SessionError::SetUp(other).with_way_out(),
+        }
+    }
+
+    /// The same; where time alone was missing, with the key that gives more of it.
+    fn with_way_out(self) -> Self {
+        match self.key_of_time() {
+            Some(key) => SessionError::TooSlow { cause: Box::new(self), key },
+            None => self,
+        }
+    }
+
+    fn key_of_time(&self) -> Option<&'static str> {
+        let of_state = |state| match state {
+            AlState::Init => "init_ms",
+            AlState::PreOp | AlState::Bootstrap => "pre_op_ms",
+            AlState::SafeOp | AlState::Op => "safe_op_op_ms",
+        };
+        let of_mailbox = |error: &MailboxError| {
+            let is_late = matches!(error, MailboxError::Timeout { .. });
+            is_late.then_some("mailbox_ms")
+        };
+        let of_change = |error: &StateError| {
+            let is_late = matches!(error.cause, StateFailure::Timeout(_));
+            is_late.then(|| of_state(error.requested))
+        };
+        match self {
+            SessionError::SetUp(SetUpError::State(error)) => of_change(error),
+            SessionError::SetUp(SetUpError::Request { cause, .. }) => of_mailbox(cause),
+            SessionError::SetUp(SetUpError::StartUp(error)) => match &error.cause {
+                StartUpFailure::State { error, .. } => of_change(error),
+                StartUpFailure::Sdo { error, .. } => of_mailbox(error),
+                _ => None,
+            },
+            SessionError::Reach(ReachError::Transition {
+                goal: Goal::Op,
+                error: TransitionError::StateTimeout { target, .. },
+            }) => Some(of_state(*target)),
+            _ => None,
         }
     }
 }

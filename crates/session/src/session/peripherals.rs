@@ -1,8 +1,6 @@
 //! SubDevices without a wheel at set-up: what can be asked of each is known once it was seen.
 
-use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::config::SubDeviceConfig;
-use omnibase_ethercat::mismatch::Mismatch;
 use omnibase_ethercat::subdevice::{Direction, SubDevice};
 use omnibase_ethercat::wire::sii::{self, SyncManagerUsage};
 use omnibase_robot::RobotPlan;
@@ -97,14 +95,4 @@ pub(super) fn check_maps(device: &DevicePlan, subdevices: &[SubDevice]) -> Resul
 
 fn shown(entries: &[MapEntry]) -> String {
     entries.iter().map(ToString::to_string).collect::<Vec<_>>().join(" ")
-}
-
-/// A SubDevice too many is told with the way out.
-pub(super) fn unnamed(error: SetUpError) -> SessionError {
-    match error {
-        SetUpError::Mismatch(Mismatch::Count { expected, found, .. }) if found > expected => {
-            SessionError::Unnamed(error)
-        }
-        other => SessionError::SetUp(other),
-    }
 }

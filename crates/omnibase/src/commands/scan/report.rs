@@ -17,6 +17,8 @@ pub struct Report {
     pub cycle: Option<CycleReport>,
     /// What is wrong with cables, power and order, and what to do.
     pub trouble: Vec<String>,
+    /// What the set-up met and went on without: the text form has it on stderr.
+    pub warnings: Vec<String>,
 }
 
 /// What the frames of a cycle need, us.

@@ -110,3 +110,14 @@ fn a_whole_object_is_written_at_once_where_it_is_asked() {
         assert!(problem.reason.contains("as `bytes`, from its subindex 0 or 1 on"), "{}", problem.reason);
     }
 }
+
+#[test]
+fn keys_that_moved_into_the_table_dc_are_told_with_it() {
+    let told = show(&check(&with("", "sync0 = true\nsync0_shift_us = 300")).expect_err("they have moved"));
+    for words in [
+        ".sync0: its clock's events stand in its table `dc` now: write `dc = { assign_activate = \"0x0300\" }`",
+        ".sync0_shift_us: it stands in the table `dc` now: write `dc = { sync0_shift_us = … }`",
+    ] {
+        assert!(told.contains(words), "{told}");
+    }
+}
