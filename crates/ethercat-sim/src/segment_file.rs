@@ -25,7 +25,7 @@
 //! `kind = "sii"` wants `sii = "file.bin"`, an image beside the segment file; `kind = "digital-io"` wants `inputs`
 //! and `outputs`, numbers of bits; `kind = "esi"` wants `esi = "maker.xml"` and `device`, a type or `product:revision`
 //! in it, and may have `modules`, types in the slots from 1 on, and `module_files`, where they stand; `kind = "servo"` and `"sgdv"` may have a table `[subdevice.servo]`, see
-//! `segments/three-sgdv.toml`.
+//! `segments/three-sgdv.toml`, and so may an `"esi"` that is a drive (profile 402) of one axis: its motor and its load, its PDOs are those of its file.
 
 mod build;
 mod drive;
@@ -38,6 +38,7 @@ pub use build::{ImagesError, line_of_images};
 use crate::device::Piece;
 use crate::device::axis::Load;
 use crate::device::drive::{Drive, DriveKind};
+use crate::device::servo::ServoConfig;
 use crate::device::simple::{DIGITAL_IO_LIMIT, DigitalIo};
 use reader::{Document, TableReader};
 use std::path::PathBuf;
@@ -93,7 +94,7 @@ pub enum Kind {
 }
 
 /// A device of an ESI file.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct EsiDevice {
     /// The file.
     pub file: PathBuf,
@@ -103,6 +104,8 @@ pub struct EsiDevice {
     pub modules: Vec<String>,
     /// Files with modules, besides the device's own.
     pub module_files: Vec<PathBuf>,
+    /// A drive's servo and its motor's load, where they are given.
+    pub servo: Option<(ServoConfig, Load)>,
 }
 
 /// Where a SubDevice is plugged in.
@@ -295,7 +298,8 @@ fn read_kind(entry: &mut TableReader, document: &mut Document) -> Option<(String
             };
             let (modules, files) = (texts("modules"), texts("module_files"));
             let module_files = files.into_iter().map(PathBuf::from).collect();
-            Kind::Esi(EsiDevice { file: file?.into(), device: device?, modules, module_files })
+            let servo = drive::read_servo(entry, document);
+            Kind::Esi(EsiDevice { file: file?.into(), device: device?, modules, module_files, servo })
         }
         _ => {
             let text = format!("\"{name}\" is no kind of subdevice{}", nearest_hint(&name, &KINDS));

@@ -84,7 +84,8 @@ fn line(assemblies: &[(&EsiFile, Assembly)]) -> MadeOfFiles {
     let (mut commands, mut modules) = (Vec::new(), 0);
     for (position, (file, assembly)) in (0..).zip(assemblies) {
         let vendor_id = file.vendor.id.unwrap_or(0);
-        sub_devices.push(esi::from_assembly(assembly, vendor_id, &Piece::default()).sub_device);
+        let made = esi::from_assembly(assembly, vendor_id, &Piece::default()).expect("it can be simulated");
+        sub_devices.push(made.sub_device);
         modules += assembly.modules.len();
         for one in assembly.commands().into_iter().filter(|one| one.is_for_pre_op()) {
             let (index, subindex, data) = (one.command.index.index, one.command.subindex, one.command.data);

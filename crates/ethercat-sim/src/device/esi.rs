@@ -1,7 +1,9 @@
 //! A device made from its maker's file (ESI): identity, mailbox, PDOs, objects and modules are what the file says.
 
 use super::Piece;
+use super::axis::{Axis, Load, SingleAxis};
 use super::generic::{Generic, More};
+use super::servo::{self, ServoConfig};
 use super::simple;
 use crate::SubDevice;
 use crate::dictionary::{Access, DataType, Entry, Object};
@@ -18,12 +20,20 @@ const OWN: [core::ops::RangeInclusive<u16>; 4] =
 const DEVICE_TYPE: u16 = 0x1000;
 /// Profile of drives (CiA 402).
 const DRIVES: u32 = 402;
+/// What a drive is commanded by, and what it shows.
+const CONTROLWORD: u16 = 0x6040;
+const STATUSWORD: u16 = 0x6041;
 /// Which modules are configured, and which are there (ETG.5001).
 const CONFIGURED_MODULES: u16 = 0xF030;
 const DETECTED_MODULES: u16 = 0xF050;
 
-/// The device that a segment file asks for, its files looked for in `base_dir`.
-pub(crate) fn build(wanted: &EsiDevice, base_dir: &Path, piece: &Piece) -> Result<SubDevice, String> {
+/// The device that a segment file asks for, its files looked for in `base_dir`; a drive moves `axis`, or a motor of its own.
+pub(crate) fn build(
+    wanted: &EsiDevice,
+    base_dir: &Path,
+    piece: &Piece,
+    axis: Option<Box<dyn Axis>>,
+) -> Result<SubDevice, String> {
     let read = |path: &Path| {
         let path = base_dir.join(path);
         EsiFile::read(&path).map_err(|error| format!("{}: {error}", path.display()))
@@ -42,11 +52,66 @@ pub(crate) fn build(wanted: &EsiDevice, base_dir: &Path, piece: &Piece) -> Resul
     if let Some(doubt) = unclear {
         return Err(format!("{}: {doubt}", device.type_name));
     }
-    Ok(from_assembly(&assembly, file.vendor.id.unwrap_or(0), piece).sub_device)
+    let (servo, load) = match &wanted.servo {
+        Some(_) if !is_drive(&assembly) => {
+            return Err(format!(
+                "{} has a table \"servo\" and is no drive: its file has no profile 402 with 0x6040 and 0x6041 in its PDOs",
+                device.type_name
+            ));
+        }
+        given => given.clone().unwrap_or_default(),
+    };
+    let axis = axis.unwrap_or_else(|| Box::new(SingleAxis::new(load)));
+    let vendor_id = file.vendor.id.unwrap_or(0);
+    Ok(on_axis(&assembly, vendor_id, piece, servo, axis)?.sub_device)
 }
 
-/// A device with its modules.
-pub fn from_assembly(assembly: &Assembly, vendor_id: u32, piece: &Piece) -> Generic {
+/// A device with its modules; a drive has a motor of its own. Names what of it can't be simulated.
+pub fn from_assembly(assembly: &Assembly, vendor_id: u32, piece: &Piece) -> Result<Generic, String> {
+    let axis = Box::new(SingleAxis::new(Load::default()));
+    on_axis(assembly, vendor_id, piece, ServoConfig::default(), axis)
+}
+
+/// Whether it is a drive of one axis by CiA 402; axes in slots have their objects elsewhere.
+fn is_drive(assembly: &Assembly) -> bool {
+    let is_mapped = |outputs, index| {
+        let pdos = assembly.pdos(outputs);
+        pdos.iter().flat_map(|pdo| &pdo.entries).any(|entry| entry.index.index == index)
+    };
+    assembly.device.slots.is_none()
+        && device_type(assembly) & 0xFFFF == DRIVES
+        && is_mapped(true, CONTROLWORD)
+        && is_mapped(false, STATUSWORD)
+}
+
+/// A servo's PDOs have its objects as CiA 402 has them.
+fn check_lengths(assembly: &Assembly, servo: &ServoConfig) -> Result<(), String> {
+    let standard = servo::standard_objects(servo);
+    let pdos = [assembly.pdos(true), assembly.pdos(false)].concat();
+    for entry in pdos.iter().flat_map(|pdo| &pdo.entries) {
+        let object = standard.iter().find(|object| object.index == entry.index.index);
+        let known = object.and_then(|object| object.entry(entry.subindex));
+        if let Some(known) = known.filter(|known| known.bit_length != u16::from(entry.bits)) {
+            return Err(format!(
+                "{}: its PDOs have 0x{:04X} with {} bits, expected {} by CiA 402",
+                assembly.device.type_name, entry.index.index, entry.bits, known.bit_length
+            ));
+        }
+    }
+    Ok(())
+}
+
+fn on_axis(
+    assembly: &Assembly,
+    vendor_id: u32,
+    piece: &Piece,
+    servo: ServoConfig,
+    axis: Box<dyn Axis>,
+) -> Result<Generic, String> {
+    let drive = is_drive(assembly).then_some((servo, axis));
+    if let Some((servo, _)) = &drive {
+        check_lengths(assembly, servo)?;
+    }
     let bytes = image::eeprom(assembly.device, vendor_id).emit();
     let mut objects: Vec<Object> = Vec::new();
     let is_own = |object: &OdObject| OWN.iter().any(|range| range.contains(&object.index.index));
@@ -63,7 +128,7 @@ pub fn from_assembly(assembly: &Assembly, vendor_id: u32, piece: &Piece) -> Gene
     }
     let image = image::with_modules(assembly, vendor_id);
     let device_type = device_type(assembly);
-    Generic::assemble(&image, bytes, piece, More { objects, modules: idents, device_type })
+    Ok(Generic::assemble(&image, bytes, piece, More { objects, modules: idents, device_type, drive }))
 }
 
 /// Object 0x1000 as the file's dictionary has it, else the number of its profile: a drive's where it is one of several.

@@ -1,6 +1,8 @@
 //! A device made from an SII image alone: identity, mailbox, PDOs and ports are what the image says.
 
+use super::axis::Axis;
 use super::panel::IoPanel;
+use super::servo::{self, Servo, ServoConfig};
 use super::{Device, Moment, Outputs, Piece};
 use crate::dictionary::pdo::Direction;
 use crate::dictionary::standard::{self, Mapping, Nameplate, PdoMap};
@@ -58,6 +60,9 @@ impl Generic {
                 None => objects.push(object),
             }
         }
+        if let Some((servo, _)) = &more.drive {
+            add_standard_objects(servo, &mut objects);
+        }
         let dictionary = Dictionary::new(objects);
         let terminals = |direction| mapped_objects(image, direction);
         let panel = IoPanel::new(&terminals(Direction::Inputs), &terminals(Direction::Outputs));
@@ -92,8 +97,13 @@ impl Generic {
             dc_drift_ppm: piece.dc_drift_ppm,
             ..chip
         };
-        let terminals = Terminals { modules: more.modules, ..Terminals::new(&dictionary, panel.clone()) };
-        let mut firmware = Firmware::new(config, dictionary, Box::new(terminals));
+        let device: Box<dyn Device> = match more.drive {
+            Some((servo, axis)) => Box::new(Servo::on(servo, &dictionary, axis)),
+            None => {
+                Box::new(Terminals { modules: more.modules, ..Terminals::new(&dictionary, panel.clone()) })
+            }
+        };
+        let mut firmware = Firmware::new(config, dictionary, device);
         let has_files = image.header.mailbox_protocols & sii::PROTOCOL_FOE != 0;
         let files = has_files.then(|| FileStore::with_firmware(FIRMWARE, &bytes));
         if let Some(files) = &files {
@@ -104,7 +114,7 @@ impl Generic {
 }
 
 /// What a device has beyond its image.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(super) struct More {
     /// Objects; of those that the image makes anyway, the entries that it doesn't have.
     pub objects: Vec<Object>,
@@ -112,6 +122,18 @@ pub(super) struct More {
     pub modules: Vec<u32>,
     /// Object 0x1000, of which no image tells: the number of a profile in its low 16 bits.
     pub device_type: u32,
+    /// A drive's servo, and what it moves.
+    pub drive: Option<(ServoConfig, Box<dyn Axis>)>,
+}
+
+/// The objects that a servo works on stand in the place of those by which its image and its maker's file describe them.
+fn add_standard_objects(servo: &ServoConfig, objects: &mut Vec<Object>) {
+    for own in servo::standard_objects(servo) {
+        match objects.iter_mut().find(|known| known.index == own.index) {
+            Some(known) => *known = own.in_place_of(known.clone()),
+            None => objects.push(own),
+        }
+    }
 }
 
 /// The object that is told which modules are configured.

@@ -6,6 +6,7 @@ mod power;
 #[cfg(test)]
 mod tests;
 
+pub(super) use objects::standard_objects;
 pub use power::PowerState;
 
 use crate::device::axis::{Axis, AxisState, Outside};
@@ -163,12 +164,18 @@ impl Servo {
         axis: Box<dyn Axis>,
     ) -> (Self, Dictionary) {
         let dictionary = Dictionary::new(objects::objects(&config, nameplate, pdos));
-        let fields = match Fields::find(&dictionary) {
+        let servo = Servo::on(config, &dictionary, axis);
+        (servo, dictionary)
+    }
+
+    /// The servo that works on a dictionary that has every object of [`standard_objects`].
+    pub(super) fn on(config: ServoConfig, dictionary: &Dictionary, axis: Box<dyn Axis>) -> Self {
+        let fields = match Fields::find(dictionary) {
             Ok(fields) => fields,
-            Err(index) => unreachable!("a servo's own dictionary has 0x{index:04X}"),
+            Err(index) => unreachable!("a servo's dictionary has 0x{index:04X}"),
         };
         let motion = Motion::new(&config, &*axis);
-        let servo = Servo {
+        Servo {
             config,
             fields,
             axis,
@@ -183,8 +190,7 @@ impl Servo {
             commanded: true,
             error_code: 0,
             emergencies: [None; 2],
-        };
-        (servo, dictionary)
+        }
     }
 
     fn raise_fault(&mut self, dictionary: &mut Dictionary, code: u16) {

@@ -279,6 +279,17 @@ impl Object {
         self.entries.dedup_by_key(|entry| entry.subindex);
     }
 
+    /// The same in the place of `other`: with its rights as well, and its entries that this one hasn't.
+    pub fn in_place_of(mut self, other: Object) -> Self {
+        for entry in &mut self.entries {
+            if let Some(before) = other.entry(entry.subindex) {
+                entry.access = entry.access | before.access;
+            }
+        }
+        self.add_missing(other);
+        self
+    }
+
     /// Every entry, by rising subindex.
     pub fn entries(&self) -> &[Entry] {
         &self.entries

@@ -168,7 +168,7 @@ fn build_one(
             let bytes = std::fs::read(&path).map_err(|error| format!("{}: {error}", path.display()))?;
             Generic::from_sii(&bytes, &entry.piece)
         }
-        Kind::Esi(wanted) => return esi::build(wanted, base_dir, &entry.piece),
+        Kind::Esi(wanted) => return esi::build(wanted, base_dir, &entry.piece, axis),
         Kind::Coupler => simple::coupler(&entry.piece),
         Kind::DigitalIo(bits) => simple::digital_io(*bits, &entry.piece),
     };

@@ -4,6 +4,7 @@ use super::Kind;
 use super::reader::{Document, TableReader};
 use crate::device::axis::Load;
 use crate::device::drive::{Drive, DriveKind};
+use crate::device::servo::ServoConfig;
 use crate::dictionary::standard::PdoMap;
 use omnibase_ethercat_wire::coe::ObjectAddress;
 
@@ -14,7 +15,31 @@ pub(super) fn read(kind: DriveKind, entry: &mut TableReader, document: &mut Docu
     let Some(mut table) = entry.table("servo", document) else {
         return Kind::Drive(Box::new(drive), load);
     };
-    let servo = &mut drive.servo;
+    motor(&mut table, document, &mut drive.servo, &mut load);
+    if let Some(transition_us) = table.integer("transition_us", 0..=60_000_000, document) {
+        drive.times.step_ns = transition_us as u64 * 1000;
+    }
+    let span = table.span();
+    for (key, map) in [("rx_pdo", &mut drive.rx_pdo), ("tx_pdo", &mut drive.tx_pdo)] {
+        read_pdo(key, &mut table, document, map);
+    }
+    table.finish(document);
+    if let Err(text) = drive.check() {
+        document.problem(span, text);
+    }
+    Kind::Drive(Box::new(drive), load)
+}
+
+/// Motor and load of a drive of a maker's file, where the table is there: timing and PDOs are the file's.
+pub(super) fn read_servo(entry: &mut TableReader, document: &mut Document) -> Option<(ServoConfig, Load)> {
+    let mut table = entry.table("servo", document)?;
+    let (mut servo, mut load) = <(ServoConfig, Load)>::default();
+    motor(&mut table, document, &mut servo, &mut load);
+    table.finish(document);
+    Some((servo, load))
+}
+
+fn motor(table: &mut TableReader, document: &mut Document, servo: &mut ServoConfig, load: &mut Load) {
     let positive = 1e-9..=1e6;
     let mut set = |key, value: &mut f64, limits| {
         if let Some(number) = table.number(key, limits, document) {
@@ -37,18 +62,6 @@ pub(super) fn read(kind: DriveKind, entry: &mut TableReader, document: &mut Docu
     if let Some(position) = table.integer("initial_position", whole, document) {
         servo.initial_position = position as i32;
     }
-    if let Some(transition_us) = table.integer("transition_us", 0..=60_000_000, document) {
-        drive.times.step_ns = transition_us as u64 * 1000;
-    }
-    let span = table.span();
-    for (key, map) in [("rx_pdo", &mut drive.rx_pdo), ("tx_pdo", &mut drive.tx_pdo)] {
-        read_pdo(key, &mut table, document, map);
-    }
-    table.finish(document);
-    if let Err(text) = drive.check() {
-        document.problem(span, text);
-    }
-    Kind::Drive(Box::new(drive), load)
 }
 
 /// A list as `["6041:16", "60C1.1:32", "pad:8"]`: hexadecimal index, decimal subindex, bits.

@@ -8,13 +8,14 @@ use omnibase_esi::{Assembly, Command, EsiFile};
 use omnibase_ethercat::config::{PdoConfig, SyncManagerPdos};
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::subdevice::Direction;
+use omnibase_ethercat::wire::bytes::{u16_at, u32_at};
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{HostTime, Link, LinkError};
-use omnibase_ethercat::{SubDevice, SubDeviceConfig};
+use omnibase_ethercat::{Exchange, SubDevice, SubDeviceConfig};
 use omnibase_ethercat_sim::device::{Piece, esi};
-use omnibase_ethercat_sim::{Segment, SimLink, in_process};
+use omnibase_ethercat_sim::{Segment, SegmentFile, SimLink, in_process};
 
-use crate::operational::to_op;
+use crate::operational::{CYCLE, Operational, to_op, unconfigured};
 
 /// A link that keeps what is sent.
 struct Kept {
@@ -83,7 +84,7 @@ fn on_the_wire(command: &Command) -> Vec<u8> {
 
 /// Brings a device to OP; the commands that were seen on the wire.
 fn reach_op(assembly: &Assembly, vendor_id: u32) -> Result<usize, String> {
-    let sub_device = esi::from_assembly(assembly, vendor_id, &Piece::default()).sub_device;
+    let sub_device = esi::from_assembly(assembly, vendor_id, &Piece::default())?.sub_device;
     let (link, clock) = in_process(Segment::line(vec![sub_device]).unwrap());
     let sent = Arc::new(Mutex::new(Vec::new()));
     let kept = Kept { link, sent: Arc::clone(&sent) };
@@ -124,12 +125,66 @@ fn a_made_up_makers_devices_reach_op() {
     assert_eq!(reach_op(&with_modules, vendor), Ok(7));
 }
 
+/// A segment of one device of the made-up maker, with more keys.
+fn segment_of(device: &str, keys: &str) -> Result<Segment, String> {
+    let text = format!("[[subdevice]]\nkind = \"esi\"\nesi = \"maker.xml\"\ndevice = \"{device}\"\n{keys}\n");
+    let segments = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../segments"));
+    let built = SegmentFile::parse(&text).and_then(|file| file.build(segments));
+    built.map_err(|error| error.to_string())
+}
+
+#[test]
+fn a_drive_of_a_makers_file_turns_its_motor() {
+    const COUNTS: i32 = 1 << 16;
+    let segment =
+        segment_of("MU-SERVO", "servo = { counts_per_revolution = 65_536, inertia_kg_m2 = 0.01 }").unwrap();
+    let (link, clock) = in_process(segment);
+    let mut operational = to_op(link, clock, unconfigured).unwrap();
+    let mut cycle = |control: u16, speed: i32| {
+        let Operational { paced, image, .. } = &mut operational;
+        // 0x1600 and 0x1A00 of the file.
+        let data = &mut image.outputs;
+        data[..2].copy_from_slice(&control.to_le_bytes());
+        data[2] = 9;
+        data[4..8].copy_from_slice(&speed.to_le_bytes());
+        data[10..12].copy_from_slice(&1000_u16.to_le_bytes());
+        assert_eq!(paced.exchange(image).unwrap().0, Exchange::Complete);
+        let data = &image.inputs;
+        (u16_at(data, 0), data[2], u32_at(data, 4) as i32, u32_at(data, 8) as i32)
+    };
+    for control in [6, 7, 15] {
+        for _ in 0..20 {
+            cycle(control, 0);
+        }
+    }
+    let (status, mode, before, _) = cycle(15, 0);
+    assert_eq!((status & 0x6F, mode), (0x27, 9), "enabled, speed");
+    for _ in 0..1000 {
+        cycle(15, COUNTS);
+    }
+    let (.., position, speed) = cycle(15, COUNTS);
+    let wanted = (CYCLE * 1000).as_secs_f64() * f64::from(COUNTS);
+    assert!(
+        (f64::from(position - before) / wanted - 1.0).abs() < 0.05,
+        "{before} to {position}, {wanted} wanted"
+    );
+    assert!((speed - COUNTS).abs() < COUNTS / 100, "{speed}");
+}
+
+#[test]
+fn only_a_drive_has_a_motor() {
+    let told = segment_of("MU-IO", "servo = { inertia_kg_m2 = 0.01 }").unwrap_err();
+    assert!(told.contains("MU-IO has a table \"servo\" and is no drive"), "{told}");
+    let told = segment_of("MU-SERVO", "servo = { tx_pdo = [] }").unwrap_err();
+    assert!(told.contains("tx_pdo"), "{told}");
+}
+
 #[test]
 fn other_modules_than_stand_in_the_slots_are_refused() {
     let file = made_up();
     let there = Assembly::new(&file.devices[2], vec![&file.modules[0]]).unwrap();
     let wanted = Assembly::new(&file.devices[2], vec![&file.modules[1]]).unwrap();
-    let sub_device = esi::from_assembly(&there, 0x0F0F, &Piece::default()).sub_device;
+    let sub_device = esi::from_assembly(&there, 0x0F0F, &Piece::default()).unwrap().sub_device;
     let (link, clock) = in_process(Segment::line(vec![sub_device]).unwrap());
     let Err(refusal) = to_op(link, clock, |found| vec![config(&wanted, &found[0])]) else {
         panic!("the wrong module was taken");

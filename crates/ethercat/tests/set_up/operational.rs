@@ -16,7 +16,7 @@ use omnibase_ethercat_sim::{Segment, SegmentFile, VirtualClock, in_process};
 
 use crate::segment::recorded_sii;
 
-const CYCLE: Duration = Duration::from_millis(1);
+pub const CYCLE: Duration = Duration::from_millis(1);
 /// First SYNC0 so far ahead: a tenth of what a real host takes, whose cycles are late now and then.
 const SYNC_MARGIN: Duration = Duration::from_millis(10);
 /// Cycles after which a segment counts as hung.

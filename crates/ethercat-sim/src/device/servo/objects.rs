@@ -30,10 +30,16 @@ pub(super) fn objects(config: &ServoConfig, nameplate: &Nameplate, pdos: &[PdoMa
     for index in [0x1C32, 0x1C33] {
         objects.push(standard::sync_parameter(index, default, supported, shortest_cycle_ns));
     }
-    objects.extend(state_objects());
-    objects.extend(motion_objects(config));
+    objects.extend(standard_objects(config));
     objects.extend(manufacturer_objects());
     simple::add_objects(&mut objects, &config.parameters);
+    objects
+}
+
+/// The objects of CiA 402 that a servo works on.
+pub(in crate::device) fn standard_objects(config: &ServoConfig) -> Vec<Object> {
+    let mut objects = state_objects();
+    objects.extend(motion_objects(config));
     objects
 }
 

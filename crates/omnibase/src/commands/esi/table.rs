@@ -105,16 +105,23 @@ fn hints(device: &Device, table: &mut RobotTable) {
 /// The longest waits, as its maker gives them.
 fn timeouts(device: &Device, table: &mut RobotTable) {
     let times = &device.timeouts;
+    // One time for both halves of a mailbox's exchange: until it takes the request, and until it answers.
+    let mailbox = times.response_ms.map(|response| times.request_ms.unwrap_or(0).saturating_add(response));
     let all = [
         ("init_ms", times.back_to_init_ms),
         ("pre_op_ms", times.pre_op_ms),
         ("safe_op_op_ms", times.safe_op_op_ms),
-        ("mailbox_ms", times.response_ms),
+        ("mailbox_ms", mailbox),
     ];
     let known = all.iter().filter_map(|(key, time)| time.filter(|time| *time > 0).map(|time| (key, time)));
     let known: Vec<String> = known.map(|(key, time)| format!("{key} = {time}")).collect();
     if !known.is_empty() {
         table.line(&format!("timeouts = {{ {} }}", known.join(", ")), "the longest that it may take");
+    }
+    if let Some(time) = times.back_to_safe_op_ms.filter(|time| *time > 0) {
+        table.comment(&format!(
+            "It may take {time} ms from OP to SAFE-OP: nobody waits for that here, the way down leads from OP to PRE-OP and INIT."
+        ));
     }
 }
 
