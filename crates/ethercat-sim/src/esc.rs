@@ -39,6 +39,8 @@ pub(crate) const REGISTERS: usize = 0x1000;
 pub(crate) const GUARDED: usize = 0x0F00;
 /// ECAT event request bit 2: DL status changed.
 const ECAT_EVENT_DL_STATUS: u16 = 1 << 2;
+/// DL status: the PDI watchdog runs.
+const DL_STATUS_PDI_WATCHDOG: u16 = 1 << 1;
 /// ECAT event request bit 3: AL status changed.
 const ECAT_EVENT_AL_STATUS: u16 = 1 << 3;
 
@@ -63,6 +65,8 @@ pub struct Esc {
     logical: core::ops::Range<u64>,
     sii: SiiUnit,
     watchdog: Watchdog,
+    /// Counts down from the firmware's last access.
+    pdi_watchdog: Watchdog,
     dc: Option<DcUnit>,
     ports: [PortState; 4],
     /// When the present frame reaches each port, ns from its arrival at the processing unit.
@@ -98,6 +102,7 @@ impl Esc {
             logical: 0..0,
             sii,
             watchdog: Watchdog::default(),
+            pdi_watchdog: Watchdog::default(),
             dc: None,
             ports: [PortState::default(); 4],
             port_arrivals: [None; 4],
@@ -152,6 +157,7 @@ impl Esc {
         self.fmmus.resize(usize::from(config.fmmu_count), None);
         self.logical = 0..0;
         self.watchdog = Watchdog::default();
+        self.pdi_watchdog = Watchdog::default();
         self.dc = config.has(reg::FEATURE_DC).then(|| DcUnit::new(config, now.0));
         (self.station, self.alias) = (0, None);
         (self.al_event, self.ecat_event, self.irq) = (0, 0, 0);
@@ -247,6 +253,9 @@ impl Esc {
     /// The ports changed: DL status, lost link counters and events follow.
     pub(crate) fn set_ports(&mut self, ports: [PortState; 4]) {
         let mut status = u16::from(self.sii.loaded());
+        if self.pdi_watchdog.running() {
+            status |= DL_STATUS_PDI_WATCHDOG;
+        }
         for (n, port) in ports.iter().enumerate() {
             if port.link {
                 status |= 1 << (4 + n);
@@ -298,14 +307,38 @@ impl Esc {
     /// When something happens in the chip by itself next, host ns.
     pub(crate) fn next_event(&self) -> Option<u64> {
         let sync = self.dc.as_ref().and_then(DcUnit::next_pulse);
-        match (sync, self.watchdog.expires_at()) {
-            (Some(a), Some(b)) => Some(a.min(b)),
-            (a, b) => a.or(b),
+        [sync, self.watchdog.expires_at(), self.pdi_watchdog.expires_at()].into_iter().flatten().min()
+    }
+
+    /// The firmware has an access to the chip.
+    pub(crate) fn touch_pdi(&mut self, now: u64) {
+        let was_running = self.pdi_watchdog.running();
+        self.pdi_watchdog.trigger(now);
+        if !was_running {
+            self.show_pdi_watchdog();
         }
     }
 
-    /// Lets happen what is due at `now`: SYNC pulses, the watchdog.
+    /// Whether the firmware had its last access longer ago than its watchdog allows.
+    pub(crate) fn misses_pdi(&self, now: u64) -> bool {
+        self.pdi_watchdog.expires_at().is_some_and(|at| at <= now)
+    }
+
+    fn show_pdi_watchdog(&mut self) {
+        let at = usize::from(reg::DL_STATUS);
+        let bit = if self.pdi_watchdog.running() { DL_STATUS_PDI_WATCHDOG } else { 0 };
+        let status = u16_at(&self.memory, at) & !DL_STATUS_PDI_WATCHDOG | bit;
+        put_u16(&mut self.memory, at, status);
+    }
+
+    /// Lets happen what is due at `now`: SYNC pulses, the watchdogs.
     pub(crate) fn run_events(&mut self, now: u64) {
+        if self.misses_pdi(now) {
+            self.pdi_watchdog.expire();
+            let counter = &mut self.memory[usize::from(reg::WATCHDOG_COUNTER) + 1];
+            *counter = counter.saturating_add(1);
+            self.show_pdi_watchdog();
+        }
         if self.watchdog.expires_at().is_some_and(|at| at <= now) {
             self.watchdog.expire();
             let counter = &mut self.memory[usize::from(reg::WATCHDOG_COUNTER)];

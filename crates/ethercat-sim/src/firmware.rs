@@ -81,7 +81,6 @@ pub struct Firmware {
     process: ProcessData,
     injected: Option<AlStatusCode>,
     silent: bool,
-    frozen: bool,
 }
 
 impl Firmware {
@@ -98,7 +97,6 @@ impl Firmware {
             process,
             injected: None,
             silent: false,
-            frozen: false,
         }
     }
 
@@ -211,9 +209,6 @@ impl Application for Firmware {
     }
 
     fn run(&mut self, pdi: &mut dyn Pdi, event: AlEvent, now: HostTime) -> Option<HostTime> {
-        if self.frozen {
-            return None;
-        }
         let AlEvent(event) = event;
         if self.config.state_control == StateControl::Emulated {
             self.run_terminals(pdi, event, now);
@@ -252,7 +247,8 @@ impl Application for Firmware {
             ApplicationFault::AlError(code) => self.injected = Some(AlStatusCode(*code)),
             ApplicationFault::DriveFault(code) => return self.device.fault(&mut self.dictionary, *code),
             ApplicationFault::MailboxSilence(silent) => self.silent = *silent,
-            ApplicationFault::Frozen(frozen) => self.frozen = *frozen,
+            // Who calls it sees to that.
+            ApplicationFault::Frozen(_) => {}
             ApplicationFault::SafeTorqueOff(active) => return self.device.safe_torque_off(*active),
             ApplicationFault::Brake(per_mille) => return self.device.brake(*per_mille),
             ApplicationFault::Push(per_mille) => return self.device.push(*per_mille),

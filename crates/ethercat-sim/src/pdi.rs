@@ -36,6 +36,12 @@ pub trait Application: Send {
     /// Does what is due at `now`; returns when it wants to run again even if nothing happens (`None`: never).
     fn run(&mut self, pdi: &mut dyn Pdi, event: AlEvent, now: HostTime) -> Option<HostTime>;
 
+    /// Whether it was there since it was last asked, as the accesses of a processor's loop tell its chip (PDI watchdog). What
+    /// runs in this process is, for as long as it is called.
+    fn was_there(&mut self) -> bool {
+        true
+    }
+
     /// The socket at which it is waited for, where it is a program that isn't connected.
     fn awaited_at(&self) -> Option<&Path> {
         None

@@ -72,6 +72,8 @@ struct Firmware {
     announce: bool,
     /// It yielded and waits for an event.
     waiting: bool,
+    /// It said something since somebody asked whether it is there.
+    heard: bool,
     /// It didn't yield in time: nobody waits for it.
     hung: bool,
     /// When it wants to run again.
@@ -150,6 +152,7 @@ impl SocketApplication {
                 received: Vec::new(),
                 announce: true,
                 waiting: true,
+                heard: true,
                 hung: false,
                 wake: None,
                 known: 0,
@@ -191,6 +194,12 @@ impl Application for SocketApplication {
                 Some(now + IDLE_POLL)
             }
         }
+    }
+
+    /// It said something, or has nothing to say before its next event.
+    fn was_there(&mut self) -> bool {
+        let heard = |firmware: &mut Firmware| core::mem::take(&mut firmware.heard) || firmware.waiting;
+        self.firmware.as_mut().is_some_and(heard)
     }
 
     fn awaited_at(&self) -> Option<&Path> {
@@ -288,6 +297,7 @@ impl Firmware {
         loop {
             if let Some(length) = self.message_length()? {
                 let message: Vec<u8> = self.received.drain(..length).collect();
+                self.heard = true;
                 self.answer(&message, pdi, now)?;
                 return Ok(Look::Message);
             }
@@ -401,6 +411,7 @@ mod tests {
             received: Vec::new(),
             announce: false,
             waiting: false,
+            heard: true,
             hung: false,
             wake: None,
             known: 0,

@@ -40,7 +40,7 @@ pub const DL_CONTROL: u16 = 0x0100;
 pub const DL_CONTROL_PORTS: u16 = 0x0101;
 /// DL control, alias enable in bit 0.
 pub const DL_CONTROL_ALIAS: u16 = 0x0103;
-/// DL status (16 bits): bit 0 PDI operational, bit 4+n link at port n, bits 8+2n loop closed, 9+2n communication.
+/// DL status (16 bits): bit 0 PDI operational, bit 1 PDI watchdog runs, bit 4+n link at port n, bits 8+2n loop closed, 9+2n communication.
 pub const DL_STATUS: u16 = 0x0110;
 /// AL control (16 bits).
 pub const AL_CONTROL: u16 = 0x0120;
@@ -78,7 +78,7 @@ pub const WATCHDOG_PDI: u16 = 0x0410;
 pub const WATCHDOG_PROCESS_DATA: u16 = 0x0420;
 /// Process-data watchdog status: bit 0 set means that it runs and hasn't expired.
 pub const WATCHDOG_STATUS: u16 = 0x0440;
-/// Process-data watchdog counter.
+/// How often the process-data watchdog expired; behind it, 8 bits too, how often the PDI watchdog did. Writing clears both.
 pub const WATCHDOG_COUNTER: u16 = 0x0442;
 /// SII configuration: 2 forces the EEPROM back from the PDI; bit 0 gives it to the PDI.
 pub const SII_CONFIG: u16 = 0x0500;

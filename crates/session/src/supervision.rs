@@ -5,6 +5,7 @@
 
 mod faults;
 mod figures;
+mod firmware;
 mod health_words;
 mod registers;
 
@@ -23,6 +24,7 @@ use omnibase_robot::signals::{DriveMeasurement, MAX_DEVICES, MAX_WHEELS};
 use crate::words::Words;
 
 use faults::{ERROR_CODE_BYTES, Fault};
+use firmware::FirmwareWatch;
 use registers::{COUNTERS, ClockDeviation, Look};
 
 pub use figures::{BusFigures, DatagramFigures, SubDeviceFigures};
@@ -84,6 +86,9 @@ struct Supervised {
     clock: ClockDeviation,
     faulty: bool,
     fault: Fault,
+    /// Its firmware doesn't run, though its chip is in OP.
+    is_hung: bool,
+    hung_since: HostTime,
     figures: SubDeviceFigures,
 }
 
@@ -99,6 +104,7 @@ pub struct Supervisor {
     look: Option<Look>,
     next: Look,
     buffer: Vec<u8>,
+    firmware: FirmwareWatch,
     restarted: u16,
     /// What drives said by emergencies, by wheel.
     said: VecDeque<(usize, ErrorCode)>,
@@ -158,6 +164,8 @@ impl Supervisor {
                 clock: ClockDeviation::Near,
                 faulty: false,
                 fault: Fault::Told,
+                is_hung: false,
+                hung_since: HostTime(0),
                 figures: SubDeviceFigures { name, ..SubDeviceFigures::default() },
             }
         };
@@ -171,6 +179,7 @@ impl Supervisor {
             look: None,
             next: Look::Counters,
             buffer: Vec::with_capacity(COUNTERS),
+            firmware: FirmwareWatch::default(),
             restarted: 0,
             said: VecDeque::with_capacity(MOST_WAITING),
             error_code: Vec::with_capacity(ERROR_CODE_BYTES),
@@ -201,6 +210,7 @@ impl Supervisor {
             self.emergency(position, received.emergency);
         }
         self.look_at_registers(bus, now);
+        self.look_at_firmware(bus, now);
         self.ask_for_faults(bus);
         self.watch_reference(bus);
         self.watch_ring(bus.link().ring());
@@ -477,8 +487,11 @@ impl Supervisor {
 
     /// SubDevices without a wheel that aren't operational, away or not; bit n for the n-th of the robot's file.
     pub fn not_operational_devices(&self) -> u16 {
-        let devices =
-            self.all.iter().filter(|one| one.health != Health::Operational).filter_map(|one| one.device);
+        let devices = self
+            .all
+            .iter()
+            .filter(|one| one.health != Health::Operational || one.is_hung)
+            .filter_map(|one| one.device);
         devices.fold(0, |bits, device| bits | 1 << device)
     }
 
@@ -499,7 +512,12 @@ impl Supervisor {
 }
 
 impl Supervised {
+    /// Lost, on its way back, or without firmware that runs.
     fn is_away(&self) -> bool {
+        self.is_on_its_way() || self.is_hung
+    }
+
+    fn is_on_its_way(&self) -> bool {
         self.way != RecoveryState::None
     }
 }

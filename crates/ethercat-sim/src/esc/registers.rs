@@ -297,11 +297,12 @@ impl Esc {
             if touches(&range, reg::WATCHDOG_COUNTER, 2) {
                 put_u16(&mut self.memory, usize::from(reg::WATCHDOG_COUNTER), 0);
             }
-            self.watchdog.configure(
-                u16_at(&self.memory, usize::from(reg::WATCHDOG_DIVIDER)),
-                u16_at(&self.memory, usize::from(reg::WATCHDOG_PROCESS_DATA)),
-            );
+            let divider = u16_at(&self.memory, usize::from(reg::WATCHDOG_DIVIDER));
+            let time = |register| u16_at(&self.memory, usize::from(register));
+            self.watchdog.configure(divider, time(reg::WATCHDOG_PROCESS_DATA));
+            self.pdi_watchdog.configure(divider, time(reg::WATCHDOG_PDI));
             self.show_watchdog();
+            self.show_pdi_watchdog();
         }
         stored
     }

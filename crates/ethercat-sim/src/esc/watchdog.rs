@@ -1,11 +1,11 @@
-//! The process-data watchdog (registers 0x0400, 0x0420, 0x0440, 0x0442).
+//! The watchdogs of process data (registers 0x0400, 0x0420, 0x0440, 0x0442) and of the firmware (0x0410, 0x0110, 0x0443).
 
 use core::time::Duration;
 use omnibase_ethercat_wire::HostTime;
 
 /// Divider after power-on: (2498 + 2) · 40 ns = 100 us.
 pub const DIVIDER_DEFAULT: u16 = 0x09C2;
-/// Process-data watchdog time after power-on: 1000 · 100 us = 100 ms.
+/// Time of both watchdogs after power-on: 1000 · 100 us = 100 ms.
 pub const TIME_DEFAULT: u16 = 0x03E8;
 
 /// That the watchdog expired, and when, by the segment's time.
@@ -19,7 +19,7 @@ pub struct WatchdogExpiry {
     pub set: Duration,
 }
 
-/// Counts down from the last process data.
+/// Counts down from what triggered it last: process data, or an access of the firmware.
 #[derive(Clone, Debug)]
 pub struct Watchdog {
     time_ns: u64,
@@ -50,7 +50,7 @@ impl Watchdog {
         self.time_ns > 0
     }
 
-    /// Process data came.
+    /// What it waits for came.
     pub fn trigger(&mut self, now: u64) {
         self.triggered_at = now;
         if self.time_ns > 0 {

@@ -102,8 +102,10 @@ impl SubDevice {
     pub(crate) fn inject(&mut self, fault: &ApplicationFault, now: HostTime) -> bool {
         // Frozen firmware is a matter of who calls it; the firmware itself need not know.
         if let ApplicationFault::Frozen(frozen) = *fault {
+            if self.powered && frozen && !self.frozen && self.application.was_there() {
+                self.esc.touch_pdi(now.0);
+            }
             self.frozen = frozen;
-            self.application.inject(fault, now);
             if self.powered && !frozen {
                 self.run(now);
             }
@@ -133,6 +135,9 @@ impl SubDevice {
             }
             return;
         }
+        if self.esc.misses_pdi(now.0) && !self.frozen && self.application.was_there() {
+            self.esc.touch_pdi(now.0);
+        }
         self.esc.run_events(now.0);
         if self.wake.is_some_and(|at| at <= now) {
             self.run(now);
@@ -153,6 +158,9 @@ impl SubDevice {
         self.esc.take_raised();
         let event = AlEvent(self.esc.al_event());
         let wake = self.application.run(&mut PdiPort::new(&mut self.esc, now), event, now);
+        if self.application.was_there() {
+            self.esc.touch_pdi(now.0);
+        }
         // An application that wants to run at once must not hold time still.
         self.wake = wake.map(|at| at.max(HostTime(now.0 + 1)));
     }

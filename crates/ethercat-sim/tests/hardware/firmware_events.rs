@@ -135,3 +135,33 @@ fn frozen_firmware_leaves_the_chip_alone_until_it_thaws() {
         Err(FaultError::UnknownToApplication { position: 0, fault })
     );
 }
+
+#[test]
+fn the_chips_watchdog_of_its_firmware_expires_while_that_hangs() {
+    let mut bench = Bench::single(EscConfig::default(), firmware(|_, _, _| None));
+    let shown = |bench: &mut Bench| {
+        let status = bench.number_at(0x1001, reg::DL_STATUS, 2) >> 1 & 1;
+        (status, bench.number_at(0x1001, reg::WATCHDOG_COUNTER + 1, 1))
+    };
+    bench.wait_us(1_000_000);
+    assert_eq!(shown(&mut bench), (1, 0), "it is called by nobody and there all the same");
+    bench.segment.inject(0, ApplicationFault::Frozen(true).into()).unwrap();
+    bench.wait_us(210_000);
+    assert_eq!(shown(&mut bench), (0, 1), "it expires once");
+    bench.segment.inject(0, ApplicationFault::Frozen(false).into()).unwrap();
+    assert_eq!(shown(&mut bench), (1, 1));
+    bench.fpwr(0x1001, reg::WATCHDOG_COUNTER, &[0, 0]);
+    // Ten times as long, then never.
+    bench.fpwr(0x1001, reg::WATCHDOG_PDI, &10_000_u16.to_le_bytes());
+    bench.wait_us(1_000_000);
+    bench.segment.inject(0, ApplicationFault::Frozen(true).into()).unwrap();
+    bench.wait_us(200_000);
+    assert_eq!(shown(&mut bench), (1, 0));
+    bench.wait_us(1_000_000);
+    assert_eq!(shown(&mut bench), (0, 1));
+    bench.fpwr(0x1001, reg::WATCHDOG_PDI, &[0, 0]);
+    bench.segment.inject(0, ApplicationFault::Frozen(false).into()).unwrap();
+    bench.segment.inject(0, ApplicationFault::Frozen(true).into()).unwrap();
+    bench.wait_us(2_000_000);
+    assert_eq!(shown(&mut bench).1, 1);
+}

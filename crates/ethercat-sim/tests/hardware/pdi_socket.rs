@@ -161,7 +161,7 @@ fn configure(bench: &mut Bench, inputs: u16) {
 
 #[test]
 fn the_c_firmware_goes_to_op_and_mirrors_in_lockstep() {
-    let Some((mut bench, _running)) = run_example("lockstep", Pace::Lockstep) else { return };
+    let Some((mut bench, mut running)) = run_example("lockstep", Pace::Lockstep) else { return };
     configure(&mut bench, 6);
     for state in [2, 4, 8] {
         assert_eq!(bench.fpwr(0x1001, reg::AL_CONTROL, &[state, 0]), 1);
@@ -187,6 +187,15 @@ fn the_c_firmware_goes_to_op_and_mirrors_in_lockstep() {
     assert_eq!(ask(&mut bench, 2), 2);
     assert_eq!(ask(&mut bench, 4), 0x12);
     assert_eq!(bench.number_at(0x1001, reg::AL_STATUS_CODE, 2), 0x1E, "inputs of another length");
+    // Its chip tells of one that dies.
+    let expired = |bench: &mut Bench| bench.number_at(0x1001, reg::WATCHDOG_COUNTER + 1, 1);
+    bench.wait_us(500_000);
+    assert_eq!(expired(&mut bench), 0);
+    running.0.kill().unwrap();
+    running.0.wait().unwrap();
+    bench.fpwr(0x1001, reg::AL_CONTROL, &[1, 0]);
+    bench.wait_us(500_000);
+    assert_eq!(expired(&mut bench), 1);
 }
 
 #[test]

@@ -33,11 +33,11 @@ fn count(bench: &mut Bench) -> u16 {
 #[test]
 fn dl_status_shows_links_and_closed_loops() {
     let mut bench = Bench::line(3);
-    // No EEPROM here, so bit 0 is 0. First: ports 0 and 1 linked and communicating, 2 and 3 closed.
-    assert_eq!(bench.number_at(0x1001, reg::DL_STATUS, 2), 0x5A30);
-    assert_eq!(bench.number_at(0x1003, reg::DL_STATUS, 2), 0x5610);
+    // No EEPROM here, so bit 0 is 0; the firmware is there, so bit 1 is 1. First: ports 0 and 1 linked and communicating, 2 and 3 closed.
+    assert_eq!(bench.number_at(0x1001, reg::DL_STATUS, 2), 0x5A32);
+    assert_eq!(bench.number_at(0x1003, reg::DL_STATUS, 2), 0x5612);
     let mut bench = star();
-    assert_eq!(bench.number_at(0x1001, reg::DL_STATUS, 2), 0xAAF0);
+    assert_eq!(bench.number_at(0x1001, reg::DL_STATUS, 2), 0xAAF2);
 }
 
 #[test]
@@ -86,7 +86,7 @@ fn a_cut_cable_turns_the_frame_back_and_both_ends_count_it() {
     let mut bench = Bench::line(3);
     bench.segment.inject(2, Fault::CableCut { port: 0 }).unwrap();
     assert_eq!(count(&mut bench), 2);
-    assert_eq!(bench.number_at(0x1002, reg::DL_STATUS, 2), 0x5610);
+    assert_eq!(bench.number_at(0x1002, reg::DL_STATUS, 2), 0x5612);
     assert_eq!(bench.number_at(0x1002, reg::LOST_LINK_COUNTERS, 4), 0x0000_0100);
     assert_eq!(bench.segment.sub_devices()[2].esc().peek(reg::LOST_LINK_COUNTERS, 4).unwrap(), [1, 0, 0, 0]);
     bench.segment.inject(1, Fault::CableRestored { port: 1 }).unwrap();
@@ -112,7 +112,7 @@ fn loop_control_opens_and_closes_ports() {
     // Port 1 of the first closed (3): the second is out of reach, though its link is up.
     assert_eq!(bench.fpwr(0x1001, reg::DL_CONTROL_PORTS, &[0x0C]), 1);
     assert_eq!(count(&mut bench), 1);
-    assert_eq!(bench.number_at(0x1001, reg::DL_STATUS, 2), 0x5630);
+    assert_eq!(bench.number_at(0x1001, reg::DL_STATUS, 2), 0x5632);
     assert_eq!(bench.fpwr(0x1001, reg::DL_CONTROL_PORTS, &[0x00]), 1);
     assert_eq!(count(&mut bench), 2);
     // Port 1 of the second open (2) without a cable: frames leave and never come back.
@@ -139,7 +139,7 @@ fn a_reversed_last_sub_device_marks_frames_as_circulating_once() {
     bench.number(2);
     let answer = bench.send(Command::Brd, Address::broadcast(0), &[0]);
     assert_eq!((answer.counter, answer.circulating), (2, true));
-    assert_eq!(bench.number_at(0x1002, reg::DL_STATUS, 2), 0x5920);
+    assert_eq!(bench.number_at(0x1002, reg::DL_STATUS, 2), 0x5922);
     // A frame that is marked already is caught there.
     let mut frame = omnibase_ethercat_wire::frame::FrameBuilder::new();
     frame.push(Command::Brd, 1, Address::broadcast(0), &[0]).unwrap();

@@ -11,7 +11,7 @@ use crate::image::Turn;
 use crate::mailbox::{Mailbox, MailboxError, ReceivedEmergency};
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::subdevice::SubDevice;
-use crate::wire::HostTime;
+use crate::wire::{Address, Command, HostTime};
 
 pub use request::{AcyclicCompletion, AcyclicError, AcyclicRequest, AcyclicWork, RegisterAccess};
 
@@ -432,11 +432,18 @@ impl RegisterJob {
         match self.way {
             RegisterAccess::Read => DatagramRequest::read(station, self.register, self.data.len()),
             RegisterAccess::Write => DatagramRequest::write(station, self.register, self.data.len()),
+            RegisterAccess::ReadAll => self.to_all(Command::Brd),
+            RegisterAccess::WriteAll => self.to_all(Command::Bwr),
         }
     }
 
+    fn to_all(&self, command: Command) -> DatagramRequest {
+        DatagramRequest { command, address: Address::broadcast(self.register), length: self.data.len() }
+    }
+
     fn fill(&self, out: &mut [u8]) {
-        if self.way == RegisterAccess::Write && self.data.len() == out.len() {
+        let writes = matches!(self.way, RegisterAccess::Write | RegisterAccess::WriteAll);
+        if writes && self.data.len() == out.len() {
             out.copy_from_slice(&self.data);
         }
     }
@@ -444,11 +451,18 @@ impl RegisterJob {
     fn answer(&mut self, answer: Answer<'_>) {
         let Answer::Returned { working_counter, data } = answer else { return };
         self.found = Found::WorkingCounter(working_counter);
-        if working_counter != 1 {
+        let (reads, is_taken) = match self.way {
+            RegisterAccess::Read => (true, working_counter == 1),
+            RegisterAccess::Write => (false, working_counter == 1),
+            // How many answer is for others to judge.
+            RegisterAccess::ReadAll => (true, working_counter > 0),
+            RegisterAccess::WriteAll => (false, working_counter > 0),
+        };
+        if !is_taken {
             return;
         }
         self.done = true;
-        if self.way == RegisterAccess::Read && self.data.len() == data.len() {
+        if reads && self.data.len() == data.len() {
             self.data.copy_from_slice(data);
         }
     }

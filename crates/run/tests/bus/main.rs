@@ -5,6 +5,7 @@ mod bench;
 mod beside;
 mod clocks;
 mod disturbances;
+mod firmware;
 mod lost;
 mod matrix;
 mod modes;

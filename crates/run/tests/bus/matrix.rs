@@ -41,6 +41,8 @@ pub enum Expected {
     GoesOn,
     /// Every wheel stops, and nothing moves until a person says so.
     Stops,
+    /// The same, but so many ms may pass before it is noticed.
+    StopsWithin(u64),
     /// Every wheel stops where the lost thing commanded; otherwise it goes on.
     StopsByHand,
     /// It stops as it was asked to.
@@ -157,6 +159,13 @@ const ROWS: &[Row] = &[
         Trouble::Device(1, || Fault::Application(ApplicationFault::DriveFault(0x7500))),
         Expected::Stops,
         Some(|f| f.drive_faults.min(f.emergencies)),
+    ),
+    (
+        "a drive's firmware hangs",
+        Trouble::Device(1, || Fault::Application(ApplicationFault::Frozen(true))),
+        // Its chip's watchdog, and the look at it.
+        Expected::StopsWithin(150),
+        Some(|f| f.losses),
     ),
     ("one more SubDevice is plugged in", Trouble::Stranger, Expected::GoesOn, Some(|f| f.surplus)),
     ("a drive's clock is 200 us wrong", Trouble::Clock(200_000), Expected::GoesOn, Some(|f| f.clock_strays)),
@@ -281,7 +290,7 @@ impl Case<Shared> {
         }
         let goes_on = match expected {
             Expected::GoesOn => true,
-            Expected::Stops | Expected::EndsAsAsked => false,
+            Expected::Stops | Expected::StopsWithin(_) | Expected::EndsAsAsked => false,
             Expected::StopsByHand => self.state != State::ByHand,
         };
         // Until the carrier is back nobody is known to be out of OP.
@@ -360,7 +369,9 @@ impl<L: omnibase_ethercat::wire::Link + Clone> Case<L> {
                 _ => format!("not concerned: {}", words(phase)),
             };
         }
-        assert!(stands, "{what}: {} rad/s in {phase:?}", self.fastest_rad_s());
+        // A hung drive's motor has the torque that it had last, for ever.
+        let can_stand = !matches!(expected, Expected::StopsWithin(_));
+        assert!(stands || !can_stand, "{what}: {} rad/s in {phase:?}", self.fastest_rad_s());
         // A stop that is under way already is asked for again: it is the same.
         let (after, first) = seen.reaction.unwrap_or((1, Phase::Stopping));
         assert!(
@@ -369,7 +380,11 @@ impl<L: omnibase_ethercat::wire::Link + Clone> Case<L> {
         );
         let by_hand = expected == Expected::StopsByHand;
         // A silent stick is missed when its last word is too old.
-        let latest = if by_hand { 200 + NOTICED_MS } else { NOTICED_MS };
+        let latest = match expected {
+            _ if by_hand => 200 + NOTICED_MS,
+            Expected::StopsWithin(ms) => ms,
+            _ => NOTICED_MS,
+        };
         // One that ramps down already does what `ramp` asks for; only its end differs.
         let ramps = self.state == State::Stopping && after > latest;
         assert!(after <= latest || ramps, "{what}: {first:?} only after {after} ms");
@@ -396,7 +411,8 @@ impl<L: omnibase_ethercat::wire::Link + Clone> Case<L> {
             Some(_) => String::new(),
             None => ", torque stays".to_owned(),
         };
-        format!("{first}; {}{}{torque}; {}", seen.who_braked(), seen.stands(), words(phase))
+        let standing = if stands { seen.stands() } else { "its own motor turns the wheels on".to_owned() };
+        format!("{first}; {}{standing}{torque}; {}", seen.who_braked(), words(phase))
     }
 }
 

@@ -8,7 +8,7 @@ pub(super) use omnibase_ethercat::trouble::COUNTERS;
 use omnibase_ethercat::wire::bytes::u32_at;
 use omnibase_ethercat::wire::{HostTime, Link, register};
 
-use super::{OTHERS, Supervisor};
+use super::{OTHERS, Supervisor, firmware};
 
 /// Between two looks at registers of some SubDevice.
 const LOOK_INTERVAL: Duration = Duration::from_millis(20);
@@ -61,6 +61,9 @@ impl Supervisor {
             }
             let is_there = done.result.is_ok();
             match done.work {
+                AcyclicWork::Registers { data, .. } if done.tag == firmware::TAG => {
+                    self.looked_at_firmware(is_there, data, now);
+                }
                 AcyclicWork::Registers { data, .. } => {
                     if is_there {
                         self.looked(&data);

@@ -29,9 +29,13 @@ pub enum RegisterAccess {
     Read,
     /// To the SubDevice.
     Write,
+    /// From every SubDevice, in one datagram: the bits of all of them ORed.
+    ReadAll,
+    /// To every SubDevice, in one datagram.
+    WriteAll,
 }
 
-/// A request to one SubDevice.
+/// A request to one SubDevice, or by way of its share of the spare datagrams to all.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AcyclicRequest {
     /// The asker's number; comes back with the completion.
