@@ -213,15 +213,25 @@ fn a_drive_that_fails_in_any_phase_stops_all_and_is_named_with_its_code() {
 
 #[test]
 fn a_drive_that_does_not_get_enabled_in_time_ends_the_run() {
-    // Its chip answers, its firmware does nothing.
-    let frozen = Fault::Application(ApplicationFault::Frozen(true));
-    let ended = played(&[], vec![(When::Cycle(3), Deed::Break(2, frozen))]);
+    // Its safety input lets nothing be switched on.
+    let forbidden = Fault::Application(ApplicationFault::SafeTorqueOff(true));
+    let ended = played(&[], vec![(When::Cycle(3), Deed::Break(2, forbidden))]);
     let error = ended.error();
     assert!(error.starts_with("the robot stopped: "), "{error}");
     assert!(
         error.contains("wheel_3: from Ready to switch on to Operation enabled: no step within"),
         "{error}"
     );
+    assert_eq!(ended.speed_m_s, 0.0);
+    assert_eq!(ended.states_at_end, [AlState::Init; 3]);
+}
+
+#[test]
+fn a_drive_whose_firmware_hangs_while_it_is_enabled_ends_the_run() {
+    let frozen = Fault::Application(ApplicationFault::Frozen(true));
+    let ended = played(&[], vec![(When::Cycle(3), Deed::Break(2, frozen))]);
+    let error = ended.error();
+    assert!(error.starts_with("the robot stopped: a SubDevice was lost"), "{error}");
     // Firmware that does nothing doesn't take its state back either: its torque was never switched on.
     assert_eq!(ended.speed_m_s, 0.0);
     assert_eq!(ended.states_at_end[..2], [AlState::Init; 2], "those that listen went down");

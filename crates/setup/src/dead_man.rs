@@ -22,9 +22,10 @@ impl DeadMan {
         DeadMan { bound_cycles, first_bound_cycles, age_cycles: 0, beats: 0, is_gone: false }
     }
 
-    /// One cycle, with what was heard of the key since the last one; whether it is held.
-    pub fn cycle(&mut self, key: Key) -> bool {
-        self.age_cycles = self.age_cycles.saturating_add(1);
+    /// One exchange, with what was heard of the key since the last one; whether it is held. `periods` passed since then, more than
+    /// one where the program was late: a key grows old by time.
+    pub fn cycle(&mut self, key: Key, periods: u64) -> bool {
+        self.age_cycles = self.age_cycles.saturating_add(u32::try_from(periods).unwrap_or(u32::MAX));
         match key {
             Key::Beat => {
                 let bound = if self.beats < 2 { self.first_bound_cycles } else { self.bound_cycles };
@@ -57,27 +58,38 @@ mod tests {
     #[test]
     fn a_single_press_moves_nothing_and_an_old_beat_counts_no_more() {
         let mut key = DeadMan::new(3, 10);
-        assert!(!key.cycle(Key::Beat));
+        assert!(!key.cycle(Key::Beat, 1));
         for _ in 0..9 {
-            assert!(!key.cycle(Key::Quiet));
+            assert!(!key.cycle(Key::Quiet, 1));
         }
-        assert!(key.cycle(Key::Beat), "the second beat came in time");
-        assert!(key.cycle(Key::Quiet) && key.cycle(Key::Quiet) && key.cycle(Key::Quiet));
-        assert!(!key.cycle(Key::Quiet), "a beat counts for three cycles");
-        assert!(!key.cycle(Key::Beat), "a key that was let go begins anew");
-        assert!(key.cycle(Key::Beat));
-        assert!(!key.cycle(Key::LetGo) && !key.cycle(Key::Beat));
-        assert!(key.cycle(Key::Beat));
-        assert!(!key.cycle(Key::Gone) && !key.cycle(Key::Beat) && !key.cycle(Key::Beat), "gone is gone");
+        assert!(key.cycle(Key::Beat, 1), "the second beat came in time");
+        assert!(key.cycle(Key::Quiet, 1) && key.cycle(Key::Quiet, 1) && key.cycle(Key::Quiet, 1));
+        assert!(!key.cycle(Key::Quiet, 1), "a beat counts for three cycles");
+        assert!(!key.cycle(Key::Beat, 1), "a key that was let go begins anew");
+        assert!(key.cycle(Key::Beat, 1));
+        assert!(!key.cycle(Key::LetGo, 1) && !key.cycle(Key::Beat, 1));
+        assert!(key.cycle(Key::Beat, 1));
+        assert!(
+            !key.cycle(Key::Gone, 1) && !key.cycle(Key::Beat, 1) && !key.cycle(Key::Beat, 1),
+            "gone is gone"
+        );
     }
 
     #[test]
     fn two_presses_far_apart_are_no_held_key() {
         let mut key = DeadMan::new(3, 10);
-        key.cycle(Key::Beat);
+        key.cycle(Key::Beat, 1);
         for _ in 0..10 {
-            key.cycle(Key::Quiet);
+            key.cycle(Key::Quiet, 1);
         }
-        assert!(!key.cycle(Key::Beat));
+        assert!(!key.cycle(Key::Beat, 1));
+    }
+
+    #[test]
+    fn a_key_grows_old_while_the_program_is_paused() {
+        let mut key = DeadMan::new(250, 1000);
+        key.cycle(Key::Beat, 1);
+        assert!(key.cycle(Key::Beat, 1) && key.cycle(Key::Quiet, 200));
+        assert!(!key.cycle(Key::Quiet, 51));
     }
 }

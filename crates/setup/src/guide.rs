@@ -74,6 +74,11 @@ pub enum SetupError {
         /// Who is.
         found: String,
     },
+    /// It was begun with another robot's file.
+    #[error(
+        "this set-up was begun with the file of a robot with other wheels, or at other places: give that one, or begin anew"
+    )]
+    OtherRobot,
     /// There are fewer drives than wheels.
     #[error("the file has {wheels} wheels, on the bus are {drives} drives of the profile CiA 402")]
     TooFewDrives {
@@ -99,6 +104,9 @@ pub enum Ended {
 /// Keeps the bytes of an EEPROM somewhere, by the position of its SubDevice; an error says in words why it couldn't.
 pub type BackUp<'a> = &'a mut dyn FnMut(u16, &[u8]) -> Result<(), String>;
 
+/// Keeps a record somewhere; an error says in words why it couldn't.
+pub type Keep<'a> = &'a mut dyn FnMut(&Record) -> Result<(), String>;
+
 /// A way to the segment: link and clock, as often as it is asked for.
 pub type Open<'a, C> = &'a mut dyn FnMut() -> Result<(Box<dyn Link>, C), String>;
 
@@ -111,8 +119,10 @@ pub struct Guide<'a, C: Clock> {
     /// What was found and done so far.
     pub record: Record,
     /// Called with the record after each thing that was done.
-    pub(crate) keep: &'a mut dyn FnMut(&Record),
+    pub(crate) keep: Keep<'a>,
     pub(crate) back_up: BackUp<'a>,
+    /// A drive was in OP since what jogs write over was put back.
+    has_jogged: bool,
 }
 
 /// Who stands outside of a set-up.
@@ -120,7 +130,7 @@ pub struct Outside<'a> {
     /// Whoever answers, and holds the key.
     pub hand: &'a mut dyn Hand,
     /// Called with the record after each thing that was done.
-    pub keep: &'a mut dyn FnMut(&Record),
+    pub keep: Keep<'a>,
     /// Keeps what an EEPROM held, of the SubDevice at this position, before it is written; an error leaves it unwritten.
     pub back_up: BackUp<'a>,
 }
@@ -168,11 +178,37 @@ impl<'a, C: Clock> Guide<'a, C> {
         Outside { hand, keep, back_up }: Outside<'a>,
     ) -> Result<Self, SetupError> {
         let plan = robot_file::plan(&wished.base, &Registry::with_built_in())?;
-        Ok(Guide { wished, plan, open, hand, record, keep, back_up })
+        Ok(Guide { wished, plan, open, hand, record, keep, back_up, has_jogged: false })
     }
 
-    /// Every step that isn't done yet.
+    /// Keeps what was found so far; whoever can't is told at once, for nobody wants to find it all again.
+    pub(crate) fn kept(&mut self) {
+        if let Err(error) = (self.keep)(&self.record) {
+            self.hand.tell(&format!("what was found so far can't be kept: {error}"));
+        }
+    }
+
+    /// Every step that isn't done yet. However it ends, what jogs wrote over in the drives is put back.
     pub fn run(&mut self) -> Result<Ended, SetupError> {
+        let robot = self.robot();
+        match &self.record.robot {
+            Some(begun) if *begun != robot => return Err(SetupError::OtherRobot),
+            _ => self.record.robot = Some(robot),
+        }
+        let ended = self.steps();
+        if self.has_jogged {
+            self.leave_as_found();
+        }
+        ended
+    }
+
+    /// The robot that the file means: what was seen counts against its wheels and their places.
+    fn robot(&self) -> String {
+        let names: Vec<&str> = self.plan.drives.iter().map(|drive| drive.name.as_str()).collect();
+        format!("{names:?} {:?}", self.plan.kinematics.wheels())
+    }
+
+    fn steps(&mut self) -> Result<Ended, SetupError> {
         for step in Step::ALL {
             if self.record.done.contains(&step) {
                 self.hand.step(step, true);
@@ -196,7 +232,7 @@ impl<'a, C: Clock> Guide<'a, C> {
                 Step::Calibration => self.calibrate()?,
             };
             if !done {
-                (self.keep)(&self.record);
+                self.kept();
                 let has_file = self.record.done.contains(&Step::File);
                 return Ok(Ended::Left(if has_file { Some(self.text()?) } else { None }));
             }
@@ -215,7 +251,7 @@ impl<'a, C: Clock> Guide<'a, C> {
         if !self.record.done.contains(&step) {
             self.record.done.push(step);
         }
-        (self.keep)(&self.record);
+        self.kept();
     }
 
     /// An answer among the choices, asked again until it is one; `Err` where somebody leaves. Nothing said is an answer only where
@@ -354,7 +390,7 @@ mod tests {
             table["gear_ratio"] = toml_edit::value(gear);
             table["product_code"] = toml_edit::value(format!("0x{product}"));
         }
-        let (mut hand, mut keep) = (Nobody, |_: &Record| {});
+        let (mut hand, mut keep) = (Nobody, |_: &Record| Ok(()));
         let mut open = || -> Result<(Box<dyn Link>, omnibase_ethercat_sim::VirtualClock), String> {
             Err("nothing is opened".to_owned())
         };

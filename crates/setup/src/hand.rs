@@ -47,6 +47,11 @@ pub trait Hand {
     /// Is told something.
     fn tell(&mut self, text: &str);
 
+    /// Is told something while a key may be held: it stays in the hand.
+    fn remark(&mut self, text: &str) {
+        self.tell(text);
+    }
+
     /// A step begins, or, where it was done before, is passed over.
     fn step(&mut self, step: Step, was_done: bool) {
         let word = if was_done { "done before" } else { "step" };

@@ -131,9 +131,9 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         };
         let mut speeds = [0.0; WINDOW_CYCLES];
         let (mut lost, mut ramp, mut cycles, mut was_held, mut is_told) = (0, 0, 0u32, false, false);
-        let mut last = self.inputs().position;
+        let (mut last, mut periods) = (self.inputs().position, 1);
         let end = loop {
-            let held = key.cycle(hand.key());
+            let held = key.cycle(hand.key(), periods);
             cycles += 1;
             if held && !was_held {
                 // What it failed by before was told.
@@ -164,16 +164,15 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
                 }
                 Progress::Stopped(problem) if was_held => break JogEnd::Drive(problem.to_string()),
                 Progress::Stopped(problem) if !is_told => {
-                    hand.tell(&format!("{problem}; whoever holds the key acknowledges that"));
+                    hand.remark(&format!("{problem}; whoever holds the key acknowledges that"));
                     is_told = true;
                 }
                 _ => {}
             }
             jog.unheld_cycles += u32::from(!key.is_held() && self.told_units() != 0);
-            lost = match self.paced.exchange(self.image)?.0 {
-                Exchange::Complete => 0,
-                _ => lost + 1,
-            };
+            let (exchange, times) = self.paced.exchange(self.image)?;
+            periods = times.periods;
+            lost = if exchange == Exchange::Complete { 0 } else { lost + 1 };
             if lost > LOST_CYCLES {
                 break JogEnd::Lost;
             }

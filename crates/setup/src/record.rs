@@ -92,6 +92,12 @@ pub struct FoundDrive {
     pub identification: Option<u16>,
     /// 0x6076, N·m, where it says it.
     pub rated_torque_nm: Option<f64>,
+    /// What a jog writes over in it, as it was found: index, subindex and bytes.
+    #[serde(default)]
+    pub was: Vec<(u16, u8, Vec<u8>)>,
+    /// An alias that was written and that it didn't show yet.
+    #[serde(default)]
+    pub written_alias: Option<u16>,
     /// Counts per turn of the motor by 0x608F, where it says it.
     pub told_counts: Option<f64>,
     /// Turns of the motor per turn of the shaft by 0x6091, where it says it.
@@ -106,6 +112,17 @@ pub struct FoundDrive {
     pub counts_per_revolution: Option<u32>,
     /// Turns of the motor per turn of the wheel, as the file will have them.
     pub gear_ratio: Option<f64>,
+}
+
+/// A SubDevice that is no drive.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct FoundDevice {
+    /// Position on the bus.
+    pub position: u16,
+    /// Vendor.
+    pub vendor_id: u32,
+    /// Product.
+    pub product_code: u32,
 }
 
 /// One way driven on the floor.
@@ -130,6 +147,15 @@ pub struct Record {
     pub done: Vec<Step>,
     /// Drives, by position.
     pub drives: Vec<FoundDrive>,
+    /// SubDevices that are no drives, by position.
+    #[serde(default)]
+    pub others: Vec<FoundDevice>,
+    /// The robot that the set-up was begun with: its wheels and their places, in words to be compared.
+    #[serde(default)]
+    pub robot: Option<String>,
+    /// The robot's file as it was written last.
+    #[serde(default)]
+    pub written: Option<String>,
     /// What was driven on the floor, and what a tape said of it.
     #[serde(default)]
     pub legs: Vec<Leg>,

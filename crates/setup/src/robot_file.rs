@@ -4,6 +4,7 @@ use omnibase_robot::Registry;
 use omnibase_robot::config::{Problem, RobotPlan};
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
 
+use crate::guide::is_product;
 use crate::record::{FoundDrive, Record, Turned};
 
 /// Keys of a drive that a set-up finds out; others stay as they were written.
@@ -43,6 +44,9 @@ pub fn write(base: &str, record: &Record, registry: &Registry) -> Result<String,
     for (number, wheel) in plan.drives.iter().enumerate() {
         let of_wheel = record.drives.iter().find(|drive| drive.wheel.as_deref() == Some(&wheel.name));
         let drive = of_wheel.ok_or_else(|| RobotFileError::Wheel(wheel.name.clone()))?;
+        // What else is written of a drive goes with its product: that of the wheel's own, else of one that has it.
+        let of_product = plan.drives.iter().position(|other| is_product(other, drive));
+        let number = if is_product(wheel, drive) { number } else { of_product.unwrap_or(number) };
         let written = old.as_ref().and_then(Item::as_array_of_tables).and_then(|all| all.get(number));
         tables.push(table(&wheel.name, drive, written));
     }
@@ -50,9 +54,34 @@ pub fn write(base: &str, record: &Record, registry: &Registry) -> Result<String,
         FOUND.iter().for_each(|key| drop(defaults.remove(key)));
     }
     document.insert("drive", Item::ArrayOfTables(tables));
+    leave_alone(&mut document, &plan, record);
     let text = document.to_string();
     self::plan(&text, registry)?;
     Ok(text)
+}
+
+/// Who is on the bus and turns no wheel is in the file, too: what isn't named there keeps a robot from its start.
+fn leave_alone(document: &mut DocumentMut, plan: &RobotPlan, record: &Record) {
+    // Who has devices in the file knows them better.
+    if !plan.devices.is_empty() {
+        return;
+    }
+    let idle = record.drives.iter().filter(|drive| drive.wheel.is_none());
+    let idle = idle.map(|drive| (drive.position, drive.vendor_id, drive.product_code));
+    let others = record.others.iter().map(|one| (one.position, one.vendor_id, one.product_code));
+    let mut tables = ArrayOfTables::new();
+    for (position, vendor_id, product_code) in others.chain(idle) {
+        let mut table = Table::new();
+        table.insert("name", value(format!("subdevice_{position}")));
+        table.insert("position", value(i64::from(position)));
+        table.insert("kind", value("ignore"));
+        table.insert("vendor_id", value(format!("0x{vendor_id:X}")));
+        table.insert("product_code", value(format!("0x{product_code:X}")));
+        tables.push(table);
+    }
+    if !tables.is_empty() {
+        document.insert("device", Item::ArrayOfTables(tables));
+    }
 }
 
 /// The plan of a file that needs no other one.
@@ -99,4 +128,53 @@ fn table(name: &str, drive: &FoundDrive, written: Option<&Table>) -> Table {
         table.insert(key, item.clone());
     }
     table
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::record::FoundDevice;
+
+    const BASE: &str = include_str!("../../../robots/bmm.toml");
+
+    /// Drives of two products that are wired the other way round than the file has them, one drive too many and a coupler.
+    #[test]
+    fn what_is_written_of_a_drive_goes_with_its_product_and_who_turns_no_wheel_is_left_alone() {
+        let mut document: DocumentMut = BASE.parse().unwrap();
+        let tables = document["drive"].as_array_of_tables_mut().unwrap();
+        for (table, (product, rated)) in tables.iter_mut().zip([(1, 7.0), (2, 2.0), (2, 2.0)]) {
+            table["product_code"] = value(format!("0x{product}"));
+            table["rated_torque_nm"] = value(rated);
+            table["peak_torque_nm"] = value(21.0);
+        }
+        let base = document.to_string();
+        let of_file = plan(&base, &Registry::with_built_in()).unwrap();
+        let vendor_id = of_file.drives[0].identity.vendor_id.unwrap();
+        let found = |position: u16, wheel: Option<&str>, product_code| FoundDrive {
+            position,
+            vendor_id,
+            product_code,
+            wheel: wheel.map(str::to_owned),
+            counts_per_revolution: Some(1 << 20),
+            gear_ratio: Some(1.0),
+            ..FoundDrive::default()
+        };
+        let record = Record {
+            drives: vec![
+                found(1, Some("wheel_1"), 2),
+                found(2, Some("wheel_2"), 1),
+                found(3, Some("wheel_3"), 2),
+                found(4, None, 2),
+            ],
+            others: vec![FoundDevice { position: 0, vendor_id: 2, product_code: 0x044C_2C52 }],
+            ..Record::default()
+        };
+        let text = write(&base, &record, &Registry::with_built_in()).unwrap();
+        let plan = plan(&text, &Registry::with_built_in()).unwrap();
+        let rated: Vec<f64> = plan.drives.iter().map(|drive| drive.scale.rated_torque_nm).collect();
+        assert_eq!(rated, [2.0, 7.0, 2.0], "{text}");
+        let alone: Vec<_> = plan.devices.iter().map(|device| (device.kind.as_str(), device.place)).collect();
+        let at = omnibase_robot::config::BusPlace::Position;
+        assert_eq!(alone, [("ignore", at(0)), ("ignore", at(4))], "{text}");
+    }
 }

@@ -3,8 +3,10 @@
 #[path = "../examples/seeds/unknown.rs"]
 mod unknown;
 
+use omnibase_ethercat::wire::Link;
+use omnibase_ethercat_sim::VirtualClock;
 use omnibase_robot::config::BusPlace;
-use omnibase_setup::{Answer, Question, Step};
+use omnibase_setup::{Answer, Guide, Outside, Question, Record, Step, Wished};
 use unknown::{Circumstances, Found, Unknown, differences, drive_square, set_up, set_up_in};
 
 fn robot() -> Unknown {
@@ -348,4 +350,92 @@ fn an_alias_is_believed_once_the_drive_shows_it() {
     });
     assert!(!found.text.contains("alias = "), "{}", found.text);
     assert!(found.record.findings.join("\n").contains("alias 77 was written, its drive shows none"));
+}
+
+/// One zero too many: what was typed is held against what was just counted.
+#[test]
+fn counts_that_contradict_the_turns_that_were_seen_are_asked_again() {
+    let robot = Unknown { turned_encoder: None, ..robot() };
+    let found = set_up(&robot, &mut once("counts 0", said("100000"))).unwrap();
+    assert_eq!(differences(&robot, &found.text), Vec::<String>::new(), "{}", found.text);
+    let told = found.told.iter().filter(|text| text.contains("make 500000 counts per turn of "));
+    assert_eq!(told.count(), 1, "{:?}", found.told);
+    let asked = found.asked.iter().filter(|(id, _)| id == "gear 0").count();
+    assert_eq!(asked, 2, "{:?}", found.asked);
+}
+
+/// A jog limits the torque, and at its end takes it away: drives are left as they were, before anything is stored in them.
+#[test]
+fn what_jogs_write_over_is_put_back() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let remembers = Circumstances { has_memory: true, ..Circumstances::default() };
+    let found = set_up_where(remembers, &robot, &mut |_| None);
+    assert_eq!(found.max_torques, vec![3000_u16.to_le_bytes().to_vec(); 3], "{:?}", found.record.findings);
+}
+
+/// A drive that goes dark in the middle of its jog is on record and jogged again once it is there.
+#[test]
+fn a_drive_that_loses_its_power_while_it_is_jogged_is_jogged_again() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let dark =
+        Circumstances { dark_while: Some("SubDevice 1 turns"), has_memory: true, ..Circumstances::default() };
+    let found = set_up_where(dark, &robot, &mut |_| None);
+    assert_eq!(differences(&robot, &found.text), Vec::<String>::new());
+    let findings = found.record.findings.join("\n");
+    assert!(findings.contains("SubDevice 1: frames were lost: look at the cables"), "{findings}");
+    let jogs = found
+        .record
+        .log
+        .iter()
+        .filter(|line| line.starts_with("SubDevice 1: hold the key: SubDevice 1 turns"));
+    assert!(jogs.clone().count() >= 2, "{:?}", found.record.log);
+    assert!(jogs.last().is_some_and(|line| line.contains(": LetGo, ")), "{:?}", found.record.log);
+}
+
+/// A tape that says what no robot does is asked again, and never makes a file that can't be read.
+#[test]
+fn a_tape_that_contradicts_the_wheels_is_asked_again() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    for (id, absurd) in [("tape y ahead", "7"), ("tape turn ahead", "3600")] {
+        let mut answer = once(id, said(absurd));
+        let found = set_up(&robot, &mut |question| match question.id.as_str() {
+            "floor" => Some(said("drive")),
+            _ => answer(question),
+        })
+        .unwrap();
+        let asked = found.asked.iter().filter(|(asked, _)| asked == "wrong ahead").count();
+        assert_eq!((asked, found.record.legs.len()), (1, 1), "{id}: {:?}", found.told);
+    }
+}
+
+/// An alias that a drive didn't show yet is its name once it does, also another day.
+#[test]
+fn an_alias_that_shows_later_is_believed_when_the_set_up_is_taken_up_again() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    for is_switched_between in [false, true] {
+        let circumstances =
+            Circumstances { has_memory: true, is_switched_between, ..Circumstances::default() };
+        let mut leaves = once("parameters 0", Answer::Leave);
+        let found = set_up_where(circumstances, &robot, &mut |question| match question.id.as_str() {
+            "name 0" => Some(said("alias")),
+            "alias 0" => Some(said("77")),
+            // Nobody switched anything off.
+            "power" => Some(said("")),
+            _ => leaves(question),
+        });
+        assert_eq!(found.text.contains("alias = 77"), is_switched_between, "{}", found.text);
+    }
+}
+
+/// A state is of the robot that it was begun with.
+#[test]
+fn a_set_up_of_another_robot_is_refused() {
+    let record = Record { robot: Some("another".to_owned()), ..Record::default() };
+    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> { panic!("nothing is opened") };
+    let (mut hand, mut keep, mut back_up) = (Deaf(0), |_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
+    let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
+    let mut guide = Guide::new(Wished::new(unknown::BASE.to_owned()), record, &mut open, outside).unwrap();
+    assert!(
+        guide.run().unwrap_err().to_string().contains("begun with the file of a robot with other wheels")
+    );
 }

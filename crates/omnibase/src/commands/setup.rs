@@ -25,6 +25,9 @@ use std::net::SocketAddr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+/// How the record for people begins.
+const RECORD_HEAD: &str = "# Set-up\n\n";
+
 /// Sets a robot up: which drive turns which wheel, which way and how far, with a held key; ends in its file.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
@@ -99,14 +102,25 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let base = std::fs::read_to_string(&arguments.robot)
         .with_context(|| format!("reading `{}`", arguments.robot.display()))?;
     let (state, told) = (beside(&arguments.output, "state.json"), beside(&arguments.output, "record.md"));
-    let before = kept_record(&state)?;
-    is_own(&arguments.output, before.as_ref())?;
+    let before = match kept_record(&state) {
+        // Nobody needs what can't be read to begin anew; it is set aside all the same.
+        Err(_) if arguments.anew => None,
+        before => before?,
+    };
+    is_own(&arguments.output, &told, before.as_ref())?;
     let record = match before {
         Some(record) if !arguments.anew => {
             note(format_args!("taken up from `{}`; --anew begins anew", state.display()));
             record
         }
-        _ => Record::default(),
+        before => {
+            if state.exists() {
+                let aside = beside(&arguments.output, "state.before.json");
+                std::fs::rename(&state, &aside).with_context(|| format!("renaming `{}`", state.display()))?;
+                note(format_args!("begun anew; what was found before is in `{}`", aside.display()));
+            }
+            Record { written: before.and_then(|record| record.written), ..Record::default() }
+        }
     };
     let plan = robot_file::plan(&base, &Registry::with_built_in())?;
     let wished = Wished {
@@ -127,26 +141,26 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         };
         Ok((cable.link, clock))
     };
-    let mut kept = Ok(());
-    let mut keep = |record: &Record| kept = write_whole(&state, record.to_json());
+    let mut keep =
+        |record: &Record| write_whole(&state, record.to_json()).map_err(|error| format!("{error:#}"));
     let mut hand = Operator::of(arguments, &plan)?;
     // The page's thread is there by now.
     let _granted = arguments.real_time.apply(wished.cycle)?;
     let mut back_up = |position: u16, bytes: &[u8]| {
-        let path = beside(&arguments.output, &format!("eeprom-{position}.bin"));
-        // What it held at first is what may be wanted back.
-        if path.exists() { Ok(()) } else { write_whole(&path, bytes).map_err(|error| format!("{error:#}")) }
+        back_up(&arguments.output, position, bytes).map_err(|error| format!("{error:#}"))
     };
     let outside = Outside { hand: hand.as_hand(), keep: &mut keep, back_up: &mut back_up };
     let mut guide = Guide::new(wished, record, &mut open, outside)?;
     let ended = guide.run();
-    let record = guide.record.clone();
+    let mut record = guide.record.clone();
     let calibrated = if record.takes_calibration { guide.calibrated()? } else { None };
     let finish = || {
+        let finished = ended
+            .map_err(Into::into)
+            .and_then(|ended| finished(arguments, ended, calibrated.as_ref(), &mut record.written));
         write_whole(&state, record.to_json())?;
         write_whole(&told, in_words(&record))?;
-        kept?;
-        finished(arguments, ended?, calibrated.as_ref())
+        finished
     };
     let finished = finish();
     let words = match &finished {
@@ -175,19 +189,43 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     }
 }
 
-/// Writes what it came to; whether it is the whole file.
-fn finished(arguments: &Arguments, ended: Ended, calibrated: Option<&Calibrated>) -> anyhow::Result<bool> {
+/// Writes what it came to, and keeps it as `written`; whether it is the whole file.
+fn finished(
+    arguments: &Arguments,
+    ended: Ended,
+    calibrated: Option<&Calibrated>,
+    written: &mut Option<String>,
+) -> anyhow::Result<bool> {
     let (text, is_whole) = match ended {
         Ended::Left(text) => (text, false),
-        Ended::File(text) => match calibrated {
-            Some(calibrated) => (Some(with_wheels(&text, calibrated)?), true),
-            None => (Some(text), true),
-        },
+        Ended::File(text) => (Some(text), true),
     };
-    if let Some(text) = text {
-        write_whole(&arguments.output, text)?;
-    }
+    let Some(text) = text else { return Ok(is_whole) };
+    let with_wheels = match calibrated.filter(|_| is_whole) {
+        Some(calibrated) => with_wheels(&text, calibrated),
+        None => Ok(text.clone()),
+    };
+    // Whatever came of the tape, the file is there.
+    let text = with_wheels.as_ref().unwrap_or(&text);
+    write_whole(&arguments.output, text)?;
+    *written = Some(text.clone());
+    with_wheels.context("the file is written without the wheels that the tape found: measure again")?;
     Ok(is_whole)
+}
+
+/// Keeps what an EEPROM holds beside the robot's file; what was kept before stays as it is.
+fn back_up(output: &Path, position: u16, bytes: &[u8]) -> anyhow::Result<()> {
+    let ends = (2..).map(|number| format!("eeprom-{position}.{number}.bin"));
+    for end in std::iter::once(format!("eeprom-{position}.bin")).chain(ends) {
+        let path = beside(output, &end);
+        match std::fs::read(&path) {
+            Ok(kept) if kept == bytes => return Ok(()),
+            Ok(_) => {}
+            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return write_whole(&path, bytes),
+            Err(error) => return Err(error).with_context(|| format!("reading `{}`", path.display())),
+        }
+    }
+    Ok(())
 }
 
 /// Whoever is asked and holds the key.
@@ -202,18 +240,19 @@ enum Operator {
 
 impl Operator {
     fn of(arguments: &Arguments, plan: &RobotPlan) -> anyhow::Result<Self> {
+        // Whoever ends the program ends a motion in order: the drive is disabled before the program is gone.
+        let stop = stop_on_signals().context("signals")?;
         if arguments.lines {
             let input = BufReader::new(std::io::stdin());
-            return Ok(Operator::Lines(lines::Lines::new(input, std::io::stdout())));
+            return Ok(Operator::Lines(lines::Lines::new(input, std::io::stdout(), stop)));
         }
         let Some(address) = arguments.dashboard else {
-            return Ok(Operator::Person(person::Person::default()));
+            return Ok(Operator::Person(person::Person::new(stop)));
         };
         let mut access = Access::new(address).context("making a token")?;
         if let Some(token) = token::given(arguments.token_file.as_deref())? {
             access.token = token;
         }
-        let stop = stop_on_signals().context("signals")?;
         let page = page::Page::start(access.clone(), plan, stop)?;
         note(format_args!("dashboard: {}", access.url(page.address())));
         Ok(Operator::Page(Box::new(page)))
@@ -245,20 +284,36 @@ fn kept_record(state: &Path) -> anyhow::Result<Option<Record>> {
     match std::fs::read_to_string(state) {
         Ok(text) => Record::from_json(&text)
             .map(Some)
-            .map_err(|error| anyhow::anyhow!("`{}`: {error}", state.display())),
+            .map_err(|error| anyhow::anyhow!("`{}`: {error}; --anew begins anew", state.display())),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
         Err(error) => Err(error).with_context(|| format!("reading `{}`", state.display())),
     }
 }
 
-/// The file that is written is none that somebody else wrote.
-fn is_own(file: &Path, before: Option<&Record>) -> anyhow::Result<()> {
-    let has_written = before.is_some_and(|record| record.done.contains(&Step::File));
-    anyhow::ensure!(
-        has_written || !file.exists(),
-        "`{}` exists, and no set-up wrote it: give --output another name",
-        file.display()
-    );
+/// The files that are written are none that somebody else wrote, or changed since.
+fn is_own(file: &Path, told: &Path, before: Option<&Record>) -> anyhow::Result<()> {
+    if let Ok(found) = std::fs::read(file) {
+        let has_written = before.is_some_and(|record| record.done.contains(&Step::File));
+        let written = before.and_then(|record| record.written.as_ref());
+        anyhow::ensure!(
+            written.is_some() || has_written,
+            "`{}` exists, and no set-up wrote it: give --output another name",
+            file.display()
+        );
+        anyhow::ensure!(
+            written.is_none_or(|written| written.as_bytes() == found),
+            "`{0}` was changed since the set-up wrote it, and would be written over: give --output another name, with --robot {0} \
+             where you want to go on from there",
+            file.display()
+        );
+    }
+    if let Ok(found) = std::fs::read(told) {
+        anyhow::ensure!(
+            found.starts_with(RECORD_HEAD.as_bytes()),
+            "`{}` exists, and no set-up wrote it: give --output another name",
+            told.display()
+        );
+    }
     Ok(())
 }
 
@@ -275,16 +330,19 @@ fn write_whole(path: &Path, text: impl AsRef<[u8]>) -> anyhow::Result<()> {
     write().with_context(|| format!("writing `{}`", path.display()))
 }
 
-/// The robot's file with the wheels that a tape found.
+/// The robot's file with the wheels that a tape found, checked.
 fn with_wheels(text: &str, calibrated: &Calibrated) -> anyhow::Result<String> {
     let Calibrated { expected, tolerances, solution } = calibrated;
     let known = Known { build: expected.clone(), tolerances: *tolerances };
-    write::changed(text, &known, solution, write::SensorNames::default(), &Registry::with_built_in())
+    let registry = Registry::with_built_in();
+    let text = write::changed(text, &known, solution, write::SensorNames::default(), &registry)?;
+    robot_file::plan(&text, &registry)?;
+    Ok(text)
 }
 
 /// The record for people.
 fn in_words(record: &Record) -> String {
-    let mut text = String::from("# Set-up\n\n");
+    let mut text = String::from(RECORD_HEAD);
     let done: Vec<&str> = record.done.iter().map(|step| step.words()).collect();
     text +=
         &format!("Done: {}.\n\n", if done.is_empty() { "nothing yet".to_owned() } else { done.join("; ") });
@@ -306,15 +364,26 @@ mod tests {
     fn a_file_that_no_set_up_wrote_is_left_alone_and_a_state_is_whole_or_the_old_one() {
         let folder = tempfile::tempdir().unwrap();
         let file = folder.path().join("mine.toml");
+        let told = beside(&file, "record.md");
         let left = Record { done: vec![Step::Find], ..Record::default() };
         let ended = Record { done: Step::ALL.to_vec(), ..Record::default() };
-        assert!(is_own(&file, None).is_ok());
+        assert!(is_own(&file, &told, None).is_ok());
         std::fs::write(&file, "by hand").unwrap();
         for before in [None, Some(&left)] {
-            let words = is_own(&file, before).unwrap_err().to_string();
+            let words = is_own(&file, &told, before).unwrap_err().to_string();
             assert!(words.contains("mine.toml` exists, and no set-up wrote it"), "{words}");
         }
-        assert!(is_own(&file, Some(&ended)).is_ok());
+        assert!(is_own(&file, &told, Some(&ended)).is_ok());
+        // Begun anew it is still one that a set-up wrote; changed since, it isn't.
+        let anew = |written: &str| Record { written: Some(written.to_owned()), ..Record::default() };
+        assert!(is_own(&file, &told, Some(&anew("by hand"))).is_ok());
+        let words = is_own(&file, &told, Some(&anew("by a set-up"))).unwrap_err().to_string();
+        assert!(words.contains("mine.toml` was changed since the set-up wrote it"), "{words}");
+        std::fs::write(&told, "precious").unwrap();
+        let words = is_own(&file, &told, Some(&ended)).unwrap_err().to_string();
+        assert!(words.contains("mine.record.md` exists"), "{words}");
+        std::fs::write(&told, in_words(&ended)).unwrap();
+        assert!(is_own(&file, &told, Some(&ended)).is_ok());
 
         let state = beside(&file, "state.json");
         assert_eq!(kept_record(&state).unwrap(), None);
@@ -326,5 +395,21 @@ mod tests {
         assert!(kept_record(&state).unwrap().is_some());
         std::fs::write(&state, "half").unwrap();
         assert!(kept_record(&state).unwrap_err().to_string().contains("mine.state.json"));
+    }
+
+    #[test]
+    fn an_eeprom_is_kept_beside_what_was_kept_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("mine.toml");
+        let kept = |end: &str| std::fs::read(beside(&file, end)).ok();
+        std::fs::write(beside(&file, "eeprom-1.bin"), "something else").unwrap();
+        for _ in 0..2 {
+            back_up(&file, 1, b"first").unwrap();
+        }
+        back_up(&file, 1, b"second").unwrap();
+        assert_eq!(kept("eeprom-1.bin").unwrap(), b"something else");
+        assert_eq!(kept("eeprom-1.2.bin").unwrap(), b"first");
+        assert_eq!(kept("eeprom-1.3.bin").unwrap(), b"second");
+        assert_eq!(kept("eeprom-1.4.bin"), None);
     }
 }

@@ -4,7 +4,10 @@ use std::cell::RefCell;
 use std::rc::Rc;
 use std::sync::atomic::AtomicBool;
 
+use omnibase_ethercat::start_up::SdoAccess;
+use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{HostTime, Link, LinkError};
+use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_ethercat_sim::pdi::ApplicationFault;
 use omnibase_ethercat_sim::{Fault, Injector, SimLink, VirtualClock, in_process};
 use omnibase_robot::config::{BusPlace, RobotPlan};
@@ -13,7 +16,7 @@ use omnibase_robot_sim::SharedMachine;
 use omnibase_run::run::{Progress, Setup};
 use omnibase_run::simulated;
 use omnibase_setup::{
-    Answer, BackUp, Ended, Guide, Hand, Key, Outside, Question, Record, Wished, robot_file,
+    Answer, BackUp, Ended, Guide, Hand, Key, Open, Outside, Question, Record, Wished, robot_file,
 };
 
 /// What the person begins with: a robot's file whose platform is right.
@@ -137,6 +140,8 @@ struct Person<'a> {
     lets_go_at: Option<u32>,
     /// A drive fails once while the key is held for what is told so.
     fails_while: Option<&'static str>,
+    /// A drive loses its power once so, until it is asked whether it is jogged again.
+    dark_while: Option<&'static str>,
     cycles: u32,
     what: String,
     /// What was asked, in order, with its answer.
@@ -184,6 +189,15 @@ impl Person<'_> {
         }
     }
 
+    fn switch_off_and_on(&self) {
+        let world = self.world.borrow();
+        for position in 0..3 {
+            for fault in [Fault::PowerOff, Fault::PowerOn] {
+                world.injector.as_ref().expect("the segment is open").inject(position, fault);
+            }
+        }
+    }
+
     /// The wheel that turned most, and how far.
     fn seen(&self) -> (usize, f64) {
         let now = self.angles();
@@ -212,7 +226,9 @@ impl Hand for Person<'_> {
             "turns" => format!("{:.2}", self.seen().1.abs() / core::f64::consts::TAU),
             "gear" => self.world.borrow().robot.gear.to_string(),
             "again" => {
-                self.world.borrow_mut().robot.turned_encoder = None;
+                let mut world = self.world.borrow_mut();
+                world.robot.turned_encoder = None;
+                world.injector.as_ref().expect("the segment is open").inject(1, Fault::PowerOn);
                 "again".to_owned()
             }
             "parameters" => "write".to_owned(),
@@ -242,18 +258,13 @@ impl Hand for Person<'_> {
                 }
             }
             "wheels" => "take".to_owned(),
-            "drive" => "again".to_owned(),
+            "drive" | "enable" => "again".to_owned(),
             "release" => {
                 self.to_all(&ApplicationFault::SafeTorqueOff(false));
                 "done".to_owned()
             }
             "power" => {
-                let world = self.world.borrow();
-                for position in 0..3 {
-                    for fault in [Fault::PowerOff, Fault::PowerOn] {
-                        world.injector.as_ref().expect("the segment is open").inject(position, fault);
-                    }
-                }
+                self.switch_off_and_on();
                 "done".to_owned()
             }
             // What the program thinks likely.
@@ -282,6 +293,10 @@ impl Hand for Person<'_> {
             let fault = ApplicationFault::DriveFault(OVERCURRENT);
             self.world.borrow().injector.as_ref().expect("the segment is open").inject(1, fault.into());
         }
+        if self.cycles == FAILS_AT && self.dark_while.is_some_and(|part| self.what.contains(part)) {
+            self.dark_while = None;
+            self.world.borrow().injector.as_ref().expect("the segment is open").inject(1, Fault::PowerOff);
+        }
         if self.what.contains("the robot") && self.lets_go_at == Some(self.cycles) {
             self.lets_go_at = None;
             return Key::LetGo;
@@ -302,6 +317,9 @@ pub struct Found {
     /// What was told.
     #[allow(dead_code, reason = "the example prints figures alone")]
     pub told: Vec<String>,
+    /// 0x6072 of each drive in the end, where drives remember.
+    #[allow(dead_code, reason = "the example prints figures alone")]
+    pub max_torques: Vec<Vec<u8>>,
 }
 
 /// Sets the robot up by who answers what is seen, but where `otherwise` has another answer; left once, it is taken up again.
@@ -319,6 +337,10 @@ pub struct Circumstances {
     pub lets_go_at: Option<u32>,
     /// The drive at position 1 fails once while the key is held for what is told so.
     pub fails_while: Option<&'static str>,
+    /// The drive at position 1 loses its power once so, until it is asked whether it is jogged again.
+    pub dark_while: Option<&'static str>,
+    /// All drives are switched off and on between two sessions.
+    pub is_switched_between: bool,
     /// What the wheels' drives are named by already: aliases in their EEPROMs, or switches.
     pub places: Option<[BusPlace; 3]>,
     /// What drives know (faults, EEPROMs) outlives whoever opened the bus, until the robot is put down.
@@ -341,7 +363,7 @@ impl Link for SharedLink {
 /// As [`set_up`], under these circumstances; `back_up` keeps an EEPROM before it is written.
 pub fn set_up_in(
     robot: &Unknown,
-    Circumstances { lets_go_at, fails_while, places, has_memory }: Circumstances,
+    Circumstances { lets_go_at, fails_while, dark_while, is_switched_between, places, has_memory }: Circumstances,
     otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
     mut back_up: BackUp<'_>,
 ) -> Result<Found, String> {
@@ -379,6 +401,7 @@ pub fn set_up_in(
         from: [0.0; 3],
         lets_go_at,
         fails_while,
+        dark_while,
         cycles: 0,
         what: String::new(),
         asked: Vec::new(),
@@ -389,16 +412,35 @@ pub fn set_up_in(
     for _ in 0..2 {
         let record = if kept.is_empty() { Record::default() } else { Record::from_json(&kept)? };
         let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(BASE.to_owned()) };
-        let mut keep = |record: &Record| kept = record.to_json();
+        let mut keep = |record: &Record| {
+            kept = record.to_json();
+            Ok(())
+        };
         let outside = Outside { hand: &mut person, keep: &mut keep, back_up: &mut back_up };
         let mut guide = Guide::new(wished, record, &mut open, outside).map_err(|error| error.to_string())?;
         let ended = guide.run().map_err(|error| error.to_string())?;
         let record = guide.record.clone();
+        drop(guide);
         if let Ended::File(text) = ended {
-            return Ok(Found { text, record, asked: person.asked, told: person.told });
+            let max_torques = if has_memory { max_torques(&mut open)? } else { Vec::new() };
+            return Ok(Found { text, record, asked: person.asked, told: person.told, max_torques });
+        }
+        if is_switched_between {
+            person.switch_off_and_on();
         }
     }
-    Err(format!("it didn't end: {:?}", person.asked.last()))
+    Err(format!("it didn't end: {:?}, {:?}", person.asked.last(), person.told))
+}
+
+/// 0x6072 of each drive.
+fn max_torques(open: Open<'_, VirtualClock>) -> Result<Vec<Vec<u8>>, String> {
+    let (link, clock) = open()?;
+    let mut bus = Bus::new(link, clock, BusOptions::default());
+    bus.scan().map_err(|error| error.to_string())?;
+    bus.configure(&[]).map_err(|error| error.to_string())?;
+    let object = ObjectAddress::new(0x6072, 0);
+    let read = |position| bus.sdo_read(position, object, SdoAccess::Entry).map_err(|error| error.to_string());
+    (0..3).map(read).collect()
 }
 
 /// The same with another hand: how it ended, what was noted, and what `of` tells of the hand.
@@ -414,7 +456,7 @@ pub fn set_up_with<H: Hand, T>(
         let (link, clock) = in_process(segment);
         Ok((Box::new(link), clock))
     };
-    let mut keep = |_: &Record| {};
+    let mut keep = |_: &Record| Ok(());
     let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(BASE.to_owned()) };
     let mut back_up = |_: u16, _: &[u8]| Ok(());
     let outside = Outside { hand, keep: &mut keep, back_up: &mut back_up };

@@ -31,6 +31,8 @@ const WAITING_S: f64 = 60.0;
 const KEPT_S: f64 = 0.1;
 /// A platform that doesn't move so much of the way that was told went another one.
 const LEAST_SHARE: f64 = 0.5;
+/// Nor one that turned by so much more, or less, than its wheels say, degrees.
+const MOST_TURN_DEG: f64 = 45.0;
 /// Wheels and tape differ by so much where nothing is wrong but measures.
 const USUAL_SHARE: f64 = 0.05;
 /// What a tape on the floor is good for: m, and rad between two marks of the platform.
@@ -235,7 +237,7 @@ impl<C: Clock> Guide<'_, C> {
                 drive.leg.told[2].to_degrees(),
                 drive.unheld_cycles
             ));
-            (self.keep)(&self.record);
+            self.kept();
             if drive.is_gone {
                 return Ok(Err(Leave));
             }
@@ -260,7 +262,7 @@ impl<C: Clock> Guide<'_, C> {
                 Ok(Some(leg)) => {
                     self.record.legs.retain(|other| other.name != leg.name);
                     self.record.legs.push(leg);
-                    (self.keep)(&self.record);
+                    self.kept();
                     return Ok(Ok(()));
                 }
             }
@@ -302,9 +304,13 @@ impl<C: Clock> Guide<'_, C> {
         leg.measured = [x_m, y_m, turned_deg.to_radians()];
         let told = gone(way, Pose2::new(leg.told[0], leg.told[1], 0.0), leg.told[2]);
         let share = gone(way, Pose2::new(x_m, y_m, 0.0), leg.measured[2]) / told;
-        if !(LEAST_SHARE..=1.0 / LEAST_SHARE).contains(&share) {
+        let aside_m = (x_m - leg.told[0]).hypot(y_m - leg.told[1]);
+        let turned_deg = (leg.measured[2] - leg.told[2]).to_degrees();
+        let is_far = aside_m > METRE_M * LEAST_SHARE || turned_deg.abs() > MOST_TURN_DEG;
+        if !(LEAST_SHARE..=1.0 / LEAST_SHARE).contains(&share) || is_far {
             self.hand.tell(&format!(
-                "by the tape it went {share:.2} of what its wheels say: measure again, or drive it again"
+                "by the tape it went {share:.2} of what its wheels say, to {aside_m:.3} m and {turned_deg:.1}° from where they say: measure \
+                 again, or drive it again"
             ));
             self.choose(format!("wrong {}", way.name), "drive it again?".to_owned(), &["again".to_owned()])?;
             return Ok(None);
@@ -354,7 +360,7 @@ impl<C: Clock> Guide<'_, C> {
             let time = CycleTime::on_grid(index, plan.bus.cycle_ns);
             let heard = self.hand.key();
             drive.is_gone |= heard == Key::Gone;
-            let held = key.cycle(heard);
+            let held = key.cycle(heard, times.periods);
             was_held |= held;
             let asked: Option<RequestKind> = request.take();
             // What was wished while it was held counts no more once it isn't.
@@ -391,7 +397,7 @@ impl<C: Clock> Guide<'_, C> {
                     break;
                 }
                 if !acknowledges {
-                    self.hand.tell(&format!("{words}; the held key acknowledges that"));
+                    self.hand.remark(&format!("{words}; the held key acknowledges that"));
                 }
             }
             is_acknowledged |= acknowledges;

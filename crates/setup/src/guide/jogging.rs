@@ -10,7 +10,7 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
 
-use super::{Guide, Leave, SetupError, who};
+use super::{ATTEMPTS, Guide, Leave, SetupError, who};
 use crate::drive::DriveMap;
 use crate::jog::{Jog, JogEnd, JogPlan, Jogger};
 use crate::record::{FoundDrive, Turned};
@@ -57,6 +57,7 @@ impl<C: Clock> Guide<'_, C> {
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan().map_err(|error| in_words(&error))?;
         self.are_those_found(&bus)?;
+        self.has_jogged = true;
         let cycle_ns = self.wished.cycle.as_nanos() as u32;
         let limit = SdoWrite {
             object: ObjectAddress::new(0x6072, 0),
@@ -149,15 +150,17 @@ impl<C: Clock> Guide<'_, C> {
             Motion::Turns => jogger.run(&plan, self.hand)?,
             Motion::Stands(_) => jogger.hold(&plan, self.hand)?,
         };
-        operational
-            .paced
-            .end(|paced| paced.exchange(&mut operational.image).map(drop))
-            .map_err(|error| in_words(&error))?;
+        let ended = operational.paced.end(|paced| paced.exchange(&mut operational.image).map(drop));
         self.record.note(format!(
             "SubDevice {}: {what}: {:?}, {} counts, enabled for {} cycles, {} without a held key",
             drive.position, jog.end, jog.travel_counts, jog.enabled_cycles, jog.unheld_cycles
         ));
-        (self.keep)(&self.record);
+        self.kept();
+        match ended {
+            // Who is lost goes nowhere, and that is told already.
+            Err(_) if jog.end == JogEnd::Lost => {}
+            ended => ended.map_err(|error| in_words(&error))?,
+        }
         Ok(jog)
     }
 
@@ -239,7 +242,11 @@ impl<C: Clock> Guide<'_, C> {
         let position = self.record.drives[number].position;
         let what =
             format!("hold the key: SubDevice {position} turns; let go after a whole turn of the wheel");
-        let jog = self.jog(number, Motion::Turns, &what)?;
+        let jog = match self.jog(number, Motion::Turns, &what) {
+            // Whoever isn't there now may be there again.
+            Err(SetupError::Bus(words)) => return Ok(self.again_after(position, words)),
+            jog => jog?,
+        };
         let trouble = match &jog.end {
             JogEnd::LetGo | JogEnd::Longest => None,
             JogEnd::Runaway { told, seen } => Some(format!(
@@ -251,19 +258,28 @@ impl<C: Clock> Guide<'_, C> {
             JogEnd::Gone => return Ok(Err(Leave)),
             JogEnd::NeverHeld => Some("the key wasn't held".to_owned()),
         };
-        if let Some(trouble) = trouble {
-            let text = format!("SubDevice {position}: {trouble}");
-            self.hand.tell(&text);
-            if jog.end != JogEnd::NeverHeld {
-                self.record.found(text);
+        match trouble {
+            Some(trouble) if jog.end == JogEnd::NeverHeld => {
+                self.hand.tell(&format!("SubDevice {position}: {trouble}"));
+                Ok(self.again(position))
             }
-            let choices = ["again", "leave it out"].map(str::to_owned);
-            let text = format!("SubDevice {position}: jog it again, or leave it out for now?");
-            return Ok(self
-                .choose(format!("again {position}"), text, &choices)
-                .map(|choice| choice == "again"));
+            Some(trouble) => Ok(self.again_after(position, trouble)),
+            None => Ok(self.seen(number, &jog)),
         }
-        Ok(self.seen(number, &jog))
+    }
+
+    /// Whether a drive is jogged again after what went wrong, which is found.
+    fn again_after(&mut self, position: u16, trouble: String) -> Result<bool, Leave> {
+        let text = format!("SubDevice {position}: {trouble}");
+        self.hand.tell(&text);
+        self.record.found(text);
+        self.again(position)
+    }
+
+    fn again(&mut self, position: u16) -> Result<bool, Leave> {
+        let choices = ["again", "leave it out"].map(str::to_owned);
+        let text = format!("SubDevice {position}: jog it again, or leave it out for now?");
+        Ok(self.choose(format!("again {position}"), text, &choices)? == "again")
     }
 
     /// Asks what was seen of a jog.
@@ -314,7 +330,7 @@ impl<C: Clock> Guide<'_, C> {
         drive.gear_ratio = Some(gear_ratio);
         drive.wheel = Some(wheel.clone());
         self.compare_with_file(number, &wheel);
-        (self.keep)(&self.record);
+        self.kept();
         Ok(true)
     }
 
@@ -334,18 +350,27 @@ impl<C: Clock> Guide<'_, C> {
             "{wheel}: {seen_counts:.0} counts per turn were seen, {:.0} were expected ({} of the motor, gear {})",
             told.0 * told.1, told.0, told.1
         ));
-        let text = format!(
-            "{wheel} has {seen_counts:.0} counts per turn where {:.0} were expected. How many turns of the motor make one of the wheel (the gear's plate)?",
-            told.0 * told.1
-        );
-        let gear = self.number(format!("gear {position}"), text, told.1, GEARS)?;
-        let of_motor = seen_counts / gear;
-        let likely = likely_resolution(of_motor).map_or(of_motor.round(), f64::from);
-        let text = format!(
-            "with it the motor has {of_motor:.0} counts per turn: how many exactly (the encoder's data sheet)?"
-        );
-        let counts = self.number(format!("counts {position}"), text, likely, COUNTS)?;
-        Ok((counts.round().clamp(1.0, f64::from(u32::MAX)) as u32, gear))
+        for _ in 0..ATTEMPTS {
+            let text = format!(
+                "{wheel} has {seen_counts:.0} counts per turn where {:.0} were expected. How many turns of the motor make one of the wheel (the gear's plate)?",
+                told.0 * told.1
+            );
+            let gear = self.number(format!("gear {position}"), text, told.1, GEARS)?;
+            let of_motor = seen_counts / gear;
+            let likely = likely_resolution(of_motor).map_or(of_motor.round(), f64::from);
+            let text = format!(
+                "with it the motor has {of_motor:.0} counts per turn: how many exactly (the encoder's data sheet)?"
+            );
+            let counts = self.number(format!("counts {position}"), text, likely, COUNTS)?.round();
+            if is_seen_as(counts * gear, seen_counts) {
+                return Ok((counts.clamp(1.0, f64::from(u32::MAX)) as u32, gear));
+            }
+            self.hand.tell(&format!(
+                "{counts} counts and a gear of {gear} make {:.0} counts per turn of {wheel}, {seen_counts:.0} were seen: one of them is wrong",
+                counts * gear
+            ));
+        }
+        Err(Leave)
     }
 
     /// Notes what isn't as the file had it.

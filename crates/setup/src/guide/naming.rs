@@ -92,6 +92,7 @@ impl<C: Clock> Guide<'_, C> {
                 drive.alias = Some(alias);
                 self.record.note(format!("{wheel}: its drive shows alias {alias}"));
             } else {
+                drive.written_alias = Some(alias);
                 let shown = shown.map_or("none".to_owned(), |alias| alias.to_string());
                 let text = format!(
                     "{wheel}: alias {alias} was written, its drive shows {shown}: it is found by its position until it was switched off and on"
@@ -146,7 +147,7 @@ impl<C: Clock> Guide<'_, C> {
         }
         bus.write_sii(position, &before, &after).map_err(|error| in_words(&error))?;
         self.record.note(format!("SubDevice {position}: alias {alias} written into its EEPROM"));
-        (self.keep)(&self.record);
+        self.kept();
         Ok(true)
     }
 }

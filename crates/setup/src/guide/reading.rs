@@ -8,13 +8,22 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, sii};
 use omnibase_ethercat::{Bus, BusOptions};
 
+use omnibase_robot::config::DrivePlan;
+
 use super::{Guide, SetupError, is_product, who};
-use crate::record::FoundDrive;
+use crate::record::{FoundDevice, FoundDrive};
 
 /// The profile of drives in 0x1000.
 const DRIVES: u32 = 402;
 /// "save" in 0x1010:01.
 const SAVE: u32 = 0x6576_6173;
+
+/// What a jog writes over in a drive: max torque, mode, how it is synchronised.
+const JOG_WRITES: [(u16, u8); 4] = [(MAX_TORQUE, 0), (0x6060, 0), (0x1C32, 1), (0x1C33, 1)];
+const MAX_TORQUE: u16 = 0x6072;
+/// Objects of CiA 402 in counts, where no factor group says otherwise: windows, positions, speeds, accelerations.
+const IN_COUNTS: [u16; 12] =
+    [0x6065, 0x6067, 0x606D, 0x607C, 0x607F, 0x6080, 0x6081, 0x6083, 0x6084, 0x6085, 0x6099, 0x609A];
 
 /// Counts per turn of a motor that are believed.
 const TOLD_COUNTS: RangeInclusive<f64> = 1.0..=268_435_456.0;
@@ -65,6 +74,14 @@ impl<C: Clock> Guide<'_, C> {
             found.told_gear = ratio(0x6091).filter(|gear| TOLD_GEAR.contains(gear));
             found.rated_torque_nm =
                 read(0x6076, 0).filter(|torque| *torque > 0).map(|torque| f64::from(torque) / 1000.0);
+            for (index, subindex) in JOG_WRITES {
+                let object = ObjectAddress::new(index, subindex);
+                let Ok(bytes) = bus.sdo_read(position, object, SdoAccess::Entry) else { continue };
+                // None at all is what a jog that was cut off left there.
+                if index != MAX_TORQUE || bytes.iter().any(|byte| *byte != 0) {
+                    found.was.push((index, subindex, bytes));
+                }
+            }
             drives.push(found);
         }
         drives
@@ -73,8 +90,16 @@ impl<C: Clock> Guide<'_, C> {
     /// Finds the drives and notes what they say of themselves.
     pub(super) fn find(&mut self) -> Result<(), SetupError> {
         let mut bus = self.bus()?;
-        let others = bus.subdevices().len();
         let drives = Self::drives_on(&mut bus);
+        let is_drive = |position: u16| drives.iter().any(|drive| drive.position == position);
+        let others = bus.subdevices().iter().filter(|one| !is_drive(one.position));
+        self.record.others = others
+            .map(|one| FoundDevice {
+                position: one.position,
+                vendor_id: one.identity.vendor_id,
+                product_code: one.identity.product_code,
+            })
+            .collect();
         let wheels = self.plan.drives.len();
         for drive in &drives {
             let rated = drive.rated_torque_nm.map_or("not told".to_owned(), |torque| format!("{torque} N·m"));
@@ -87,30 +112,37 @@ impl<C: Clock> Guide<'_, C> {
             self.record.note(text);
             let of_file = self.scale_of(drive).rated_torque_nm;
             if let Some(rated) = drive.rated_torque_nm.filter(|rated| (rated / of_file - 1.0).abs() > 0.01) {
-                self.record.found(format!(
+                let text = format!(
                     "SubDevice {}: it says that its motor's rated torque is {rated} N·m (0x6076), the file says {of_file}: look at the motor's plate",
                     drive.position
-                ));
+                );
+                self.hand.tell(&text);
+                self.record.found(text);
             }
         }
         for drive in &drives {
             if !self.plan.drives.iter().any(|plan| is_product(plan, drive)) {
                 let devices: BTreeSet<&str> =
                     self.plan.drives.iter().map(|plan| plan.device.as_str()).collect();
-                self.record.found(format!(
+                let text = format!(
                     "SubDevice {}: the file's devices ({}) are other products than vendor 0x{:08x} product 0x{:08x}: put `device` and its maps \
                      right before it is driven (`omnibase scan --toml` shows them)",
                     drive.position,
                     devices.into_iter().collect::<Vec<_>>().join(", "),
                     drive.vendor_id,
                     drive.product_code
-                ));
+                );
+                self.hand.tell(&text);
+                self.record.found(text);
             }
         }
         if drives.len() < wheels {
             return Err(SetupError::TooFewDrives { wheels, drives: drives.len() });
         }
-        self.record.note(format!("{} SubDevices, {} of them drives", others, drives.len()));
+        let text =
+            format!("{} drives, and {} SubDevices that are none", drives.len(), self.record.others.len());
+        self.hand.tell(&text);
+        self.record.note(text);
         self.record.drives = drives;
         Ok(())
     }
@@ -127,16 +159,75 @@ impl<C: Clock> Guide<'_, C> {
                 return Err(SetupError::Changed { position: was.position, expected: words(was), found });
             }
         }
+        let mut shown = Vec::new();
+        for was in self.record.drives.iter_mut().filter(|was| was.written_alias.is_some()) {
+            let with_it = now.iter().filter(|one| one.alias == was.written_alias);
+            if with_it.map(|one| one.position).eq([was.position]) {
+                was.alias = was.written_alias.take();
+                shown.push(format!(
+                    "SubDevice {} shows alias {} by now: it is found by it",
+                    was.position,
+                    was.alias.unwrap_or_default()
+                ));
+            }
+        }
+        for text in shown {
+            self.hand.tell(&text);
+            self.record.note(text);
+        }
         Ok(())
+    }
+
+    /// What jogs wrote over is as it was found.
+    fn put_back(&mut self, bus: &mut AnyBus<C>) {
+        let mut failed = Vec::new();
+        for drive in &self.record.drives {
+            for (index, subindex, was) in &drive.was {
+                let object = ObjectAddress::new(*index, *subindex);
+                let is_so =
+                    bus.sdo_read(drive.position, object, SdoAccess::Entry).is_ok_and(|bytes| bytes == *was);
+                if is_so {
+                    continue;
+                }
+                if let Err(error) = bus.sdo_write(drive.position, object, was) {
+                    failed.push(format!("{object} was {}, and can't be put back: {error}", number(was)));
+                }
+            }
+        }
+        for text in failed {
+            self.hand.tell(&text);
+            self.record.found(text);
+        }
+    }
+
+    /// The same at the end, where a jog was made since the bus was seen last; whoever isn't there now is told what is left.
+    pub(super) fn leave_as_found(&mut self) {
+        match self.bus() {
+            Ok(mut bus) => self.put_back(&mut bus),
+            Err(error) => {
+                let text = format!(
+                    "max torque, mode and synchronisation of the drives are as the last jog left them: {error}"
+                );
+                self.hand.tell(&text);
+                self.record.found(text);
+            }
+        }
+        self.kept();
     }
 
     /// The file's parameters against what the drives hold: shown, written where wished, stored where wished.
     pub(super) fn parameters(&mut self) -> Result<bool, SetupError> {
         let mut bus = self.bus()?;
+        self.put_back(&mut bus);
+        self.has_jogged = false;
         let drives = self.record.drives.clone();
         for drive in drives.iter().filter(|drive| drive.wheel.is_some()) {
             let wheel = drive.wheel.clone().unwrap_or_default();
             let Some(plan) = self.plan.drives.iter().find(|plan| plan.name == wheel) else { continue };
+            if let Some(text) = other_units(plan, drive) {
+                self.hand.tell(&text);
+                self.record.found(text);
+            }
             let mut differing = Vec::new();
             for parameter in plan.parameters.clone() {
                 let object = ObjectAddress::new(parameter.index, parameter.subindex);
@@ -190,6 +281,23 @@ impl<C: Clock> Guide<'_, C> {
         }
         Ok(true)
     }
+}
+
+/// Parameters that are written in counts, where the file has them for another wheel than was found.
+fn other_units(plan: &DrivePlan, drive: &FoundDrive) -> Option<String> {
+    let of_file = f64::from(plan.scale.counts_per_revolution) * plan.scale.gear_ratio;
+    let found = f64::from(drive.counts_per_revolution?) * drive.gear_ratio?;
+    let in_counts = plan.parameters.iter().filter(|parameter| IN_COUNTS.contains(&parameter.index));
+    let names: Vec<String> = in_counts.map(|parameter| format!("{:04X}", parameter.index)).collect();
+    ((found / of_file - 1.0).abs() > 0.01 && !names.is_empty()).then(|| {
+        format!(
+            "{}: {} in the file's `parameters` are in counts, for {of_file} per turn of the wheel; it has {found}: {:.3} times as \
+             much is the same at the wheel",
+            plan.name,
+            names.join(", "),
+            found / of_file
+        )
+    })
 }
 
 fn read_number<C: Clock>(bus: &mut AnyBus<C>, position: u16, object: ObjectAddress) -> Option<u32> {

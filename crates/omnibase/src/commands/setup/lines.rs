@@ -8,10 +8,14 @@ use omnibase_setup::{Answer, Hand, Key, Question};
 use serde_json::{Value, json};
 use std::io::{BufRead, Read, Write};
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::time::Duration;
 
 /// The longest line, bytes.
 const LONGEST_LINE: u64 = 4096;
+/// How often is looked whether somebody ends the program.
+const LOOK: Duration = Duration::from_millis(50);
 /// Lines beside those of the key that may wait to be read.
 const WAITING: usize = 16;
 
@@ -20,11 +24,12 @@ pub struct Lines<W> {
     heard: Arc<Heard>,
     said: Receiver<Value>,
     output: W,
+    stop: &'static AtomicBool,
 }
 
 impl<W: Write> Lines<W> {
-    /// Who speaks at `input` and hears at `output`.
-    pub fn new(input: impl BufRead + Send + 'static, output: W) -> Self {
+    /// Who speaks at `input` and hears at `output`; `stop` ends it as leaving does.
+    pub fn new(input: impl BufRead + Send + 'static, output: W, stop: &'static AtomicBool) -> Self {
         let heard = Arc::new(Heard::default());
         let (sender, said) = sync_channel(WAITING);
         let listening = Arc::clone(&heard);
@@ -32,7 +37,7 @@ impl<W: Write> Lines<W> {
             listen(input, &listening, &sender);
             listening.gone();
         });
-        Lines { heard, said, output }
+        Lines { heard, said, output, stop }
     }
 
     fn say(&mut self, value: &Value) {
@@ -68,7 +73,12 @@ impl<W: Write> Hand for Lines<W> {
     fn ask(&mut self, question: &Question) -> Answer {
         self.say(&json!({ "question": question }));
         loop {
-            let Ok(value) = self.said.recv() else { return Answer::Leave };
+            let value = match self.said.recv_timeout(LOOK) {
+                _ if self.stop.load(Ordering::Relaxed) => return Answer::Leave,
+                Ok(value) => value,
+                Err(RecvTimeoutError::Timeout) => continue,
+                Err(RecvTimeoutError::Disconnected) => return Answer::Leave,
+            };
             match (&value["answer"], &value["wrong"]) {
                 (Value::String(text), _) => return Answer::Said(text.clone()),
                 (Value::Number(number), _) => return Answer::Said(number.to_string()),
@@ -94,7 +104,7 @@ impl<W: Write> Hand for Lines<W> {
     }
 
     fn key(&mut self) -> Key {
-        self.heard.key()
+        if self.stop.load(Ordering::Relaxed) { Key::Gone } else { self.heard.key() }
     }
 }
 
@@ -102,11 +112,13 @@ impl<W: Write> Hand for Lines<W> {
 mod tests {
     use super::*;
     use std::io::{BufReader, PipeWriter, pipe};
-    use std::time::{Duration, Instant};
+    use std::time::Instant;
+
+    static NEVER: AtomicBool = AtomicBool::new(false);
 
     fn lines() -> (PipeWriter, Lines<Vec<u8>>) {
         let (reader, writer) = pipe().unwrap();
-        (writer, Lines::new(BufReader::new(reader), Vec::new()))
+        (writer, Lines::new(BufReader::new(reader), Vec::new(), &NEVER))
     }
 
     /// The next thing that is heard of the key.
@@ -137,6 +149,18 @@ mod tests {
         program.write_all(b"{\"leave\": true}\n").unwrap();
         assert_eq!(key(&mut lines), Key::Gone);
         lines.take_key("turns again");
+        assert_eq!(lines.key(), Key::Gone);
+        let question = Question { id: "wheel 0".into(), text: String::new(), choices: vec![], default: None };
+        assert_eq!(lines.ask(&question), Answer::Leave);
+    }
+
+    #[test]
+    fn whoever_ends_the_program_leaves_a_question_and_a_motion() {
+        let (_program, mut lines) = lines();
+        lines.take_key("turns");
+        assert_eq!(lines.key(), Key::Quiet);
+        static STOP: AtomicBool = AtomicBool::new(true);
+        lines.stop = &STOP;
         assert_eq!(lines.key(), Key::Gone);
         let question = Question { id: "wheel 0".into(), text: String::new(), choices: vec![], default: None };
         assert_eq!(lines.ask(&question), Answer::Leave);

@@ -164,6 +164,12 @@ impl Hand for Page {
         self.show();
     }
 
+    /// The button stays.
+    fn remark(&mut self, text: &str) {
+        self.say(text.to_owned());
+        self.show();
+    }
+
     fn step(&mut self, step: Step, was_done: bool) {
         self.quiet();
         for (shown, one) in self.shown.steps.iter_mut().zip(Step::ALL) {

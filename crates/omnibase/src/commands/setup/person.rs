@@ -6,7 +6,8 @@ use omnibase_setup::{Answer, Hand, Key, Question};
 use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers, poll, read};
 use ratatui::crossterm::terminal::{disable_raw_mode, enable_raw_mode};
 use rustix::event::{PollFd, PollFlags, Timespec};
-use std::io::{BufRead, Write};
+use rustix::io::Errno;
+use std::io::Write;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -16,9 +17,11 @@ use std::time::Duration;
 const LOOK: Duration = Duration::from_millis(20);
 
 /// A person at the terminal.
-#[derive(Default)]
 pub struct Person {
     listening: Option<Listening>,
+    /// What was typed, or piped in, and isn't read as a line yet.
+    typed: Vec<u8>,
+    stop: &'static AtomicBool,
 }
 
 /// The keyboard's thread, and what it heard.
@@ -29,6 +32,36 @@ struct Listening {
 }
 
 impl Person {
+    /// A person at the standard input; `stop` ends it as leaving does.
+    pub fn new(stop: &'static AtomicBool) -> Self {
+        Person { listening: None, typed: Vec::new(), stop }
+    }
+
+    /// The next line; `None` where none will come, or the program is ended.
+    fn line(&mut self) -> Option<String> {
+        let stdin = std::io::stdin();
+        let mut bytes = [0; 1024];
+        loop {
+            if let Some(end) = self.typed.iter().position(|byte| *byte == b'\n') {
+                let line: Vec<u8> = self.typed.drain(..=end).collect();
+                return Some(String::from_utf8_lossy(&line).into_owned());
+            }
+            if self.stop.load(Ordering::Relaxed) {
+                return None;
+            }
+            let mut looked = [PollFd::new(&stdin, PollFlags::IN)];
+            let ready = rustix::event::poll(&mut looked, Timespec::try_from(LOOK).ok().as_ref());
+            match ready.and_then(|ready| {
+                if ready > 0 { rustix::io::read(&stdin, &mut bytes) } else { Ok(usize::MAX) }
+            }) {
+                Ok(usize::MAX) | Err(Errno::INTR | Errno::AGAIN) => {}
+                Ok(0) if !self.typed.is_empty() => self.typed.push(b'\n'),
+                Ok(0) | Err(_) => return None,
+                Ok(count) => self.typed.extend_from_slice(&bytes[..count]),
+            }
+        }
+    }
+
     fn stop_listening(&mut self) {
         if let Some(Listening { end, thread, .. }) = self.listening.take() {
             end.store(true, Ordering::Relaxed);
@@ -98,18 +131,20 @@ impl Hand for Person {
         };
         let default = question.default.as_ref().map_or(String::new(), |default| format!(" [{default}]"));
         print!("{}{choices}{default}, `leave` to go on another day: ", shown(&question.text));
-        let mut line = String::new();
-        let heard = std::io::stdout().flush().and_then(|()| std::io::stdin().lock().read_line(&mut line));
-        match heard {
-            Ok(0) | Err(_) => Answer::Leave,
-            Ok(_) if line.trim() == "leave" => Answer::Leave,
-            Ok(_) => Answer::Said(line),
-        }
+        let line = if std::io::stdout().flush().is_ok() { self.line() } else { None };
+        line.filter(|line| line.trim() != "leave").map_or(Answer::Leave, Answer::Said)
     }
 
     fn tell(&mut self, text: &str) {
         self.stop_listening();
         println!("{}", shown(text));
+    }
+
+    /// The bar stays in the hand: the terminal takes lines as they are then.
+    fn remark(&mut self, text: &str) {
+        print!("\r\n{}\r\n", shown(text));
+        // What can't be shown is no reason to stop.
+        let _ = std::io::stdout().flush();
     }
 
     fn take_key(&mut self, what: &str) {
@@ -131,6 +166,7 @@ impl Hand for Person {
     }
 
     fn key(&mut self) -> Key {
-        self.listening.as_ref().map_or(Key::Gone, |listening| listening.heard.key())
+        let is_ended = self.stop.load(Ordering::Relaxed);
+        self.listening.as_ref().filter(|_| !is_ended).map_or(Key::Gone, |listening| listening.heard.key())
     }
 }
