@@ -95,12 +95,16 @@ fn jogs(output: &Path) -> Vec<(String, u64, u64)> {
         .collect()
 }
 
-/// Whether some program still writes this file.
-fn is_running(output: &Path) -> bool {
+/// The program that writes this file; `script` around it isn't it.
+fn running(output: &Path) -> Option<String> {
     let output = output.to_str().unwrap();
-    let all = std::fs::read_dir("/proc").unwrap().map_while(Result::ok);
-    let said = all.filter_map(|one| std::fs::read(one.path().join("cmdline")).ok());
-    said.map(|said| String::from_utf8_lossy(&said).into_owned()).any(|said| said.contains(output))
+    let mut all = std::fs::read_dir("/proc").unwrap().map_while(Result::ok);
+    let is_it = |one: &std::fs::DirEntry| {
+        let said = std::fs::read(one.path().join("cmdline")).unwrap_or_default();
+        said.starts_with(env!("CARGO_BIN_EXE_omnibase").as_bytes())
+            && String::from_utf8_lossy(&said).contains(output)
+    };
+    all.find(is_it).map(|one| one.file_name().to_string_lossy().into_owned())
 }
 
 #[test]
@@ -156,11 +160,39 @@ fn a_drive_turns_while_the_space_bar_is_held_and_no_other_key_moves_it() {
     again.script.kill().unwrap();
     again.script.wait().unwrap();
     let begun = Instant::now();
-    while is_running(&output) {
+    while running(&output).is_some() {
         assert!(begun.elapsed() < STUCK, "the terminal is gone, and it goes on");
         std::thread::sleep(REPEAT);
     }
     assert!(
         jogs(&output).iter().skip(before).all(|(line, enabled, _)| *enabled == 0 && line.contains("Gone"))
     );
+}
+
+/// Whoever ends the program in the middle of a motion has the drive disabled first, and what was found is kept.
+#[test]
+fn a_signal_ends_a_motion_as_leaving_does() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("mine.toml");
+    // Again where the machine was too slow for a keyboard.
+    for _ in 0..5 {
+        let mut terminal = Terminal::new(&output);
+        terminal.wait(&["hold the key: SubDevice 0 turns"], |_| {});
+        let (begun, mut is_ended) = (Instant::now(), false);
+        terminal.wait(&["the same command takes it up again"], |keyboard| {
+            hold(keyboard);
+            if begun.elapsed() > Duration::from_secs(2) && !std::mem::replace(&mut is_ended, true) {
+                let program = running(&output).expect("it runs");
+                assert!(Command::new("kill").args(["-TERM", &program]).status().unwrap().success());
+            }
+        });
+        assert_eq!(terminal.script.wait().unwrap().code(), Some(1), "left, not killed");
+        let last = jogs(&output).pop();
+        if let Some((_, _, unheld)) = last.filter(|(line, enabled, _)| line.contains("Gone") && *enabled > 0)
+        {
+            assert_eq!(unheld, 0);
+            return;
+        }
+    }
+    panic!("{:?}", jogs(&output));
 }

@@ -36,6 +36,9 @@ pub const COMMON_RESOLUTIONS: [u32; 29] = [
 /// How far a count by eye may be off.
 const SEEN_SHARE: f64 = 0.03;
 
+/// How far it is off where somebody looked badly.
+const WORST_SHARE: f64 = 0.3;
+
 /// The common resolution nearest to what was seen, where one is within 3 %.
 pub fn likely_resolution(seen_counts: f64) -> Option<u32> {
     let share = |one: u32| (seen_counts / f64::from(one) - 1.0).abs();
@@ -49,9 +52,21 @@ pub(crate) fn is_seen_as(expected_counts: f64, seen_counts: f64) -> bool {
     (seen_counts / expected_counts - 1.0).abs() <= SEEN_SHARE
 }
 
+/// Whether counts can't be those of turns that somebody saw, however badly: a digit too many, another gear.
+pub(crate) fn contradicts(told_counts: f64, seen_counts: f64) -> bool {
+    !(1.0 - WORST_SHARE..=1.0 / (1.0 - WORST_SHARE)).contains(&(seen_counts / told_counts))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_bad_look_contradicts_nothing_and_a_digit_too_many_does() {
+        assert!(!contradicts(50_000.0, 62_000.0) && !contradicts(50_000.0, 40_000.0));
+        assert!(contradicts(500_000.0, 50_000.0) && contradicts(25_000.0, 50_000.0));
+        assert!(contradicts(f64::NAN, 1.0) && contradicts(0.0, 1.0));
+    }
 
     #[test]
     fn what_was_seen_is_a_common_resolution_or_none() {

@@ -14,7 +14,7 @@ use super::{ATTEMPTS, Guide, Leave, SetupError, who};
 use crate::drive::DriveMap;
 use crate::jog::{Jog, JogEnd, JogPlan, Jogger};
 use crate::record::{FoundDrive, Turned};
-use crate::turns::{is_seen_as, likely_resolution};
+use crate::turns::{contradicts, is_seen_as, likely_resolution};
 
 /// How long a drive is enabled without moving, s; and how long, while somebody goes to press the emergency stop.
 pub(super) const ENABLED_S: f64 = 2.0;
@@ -362,7 +362,7 @@ impl<C: Clock> Guide<'_, C> {
                 "with it the motor has {of_motor:.0} counts per turn: how many exactly (the encoder's data sheet)?"
             );
             let counts = self.number(format!("counts {position}"), text, likely, COUNTS)?.round();
-            if is_seen_as(counts * gear, seen_counts) {
+            if !contradicts(counts * gear, seen_counts) {
                 return Ok((counts.clamp(1.0, f64::from(u32::MAX)) as u32, gear));
             }
             self.hand.tell(&format!(
