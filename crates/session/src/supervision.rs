@@ -86,6 +86,8 @@ struct Supervised {
     clock: ClockDeviation,
     faulty: bool,
     fault: Fault,
+    /// Its chip's watchdog of its firmware ran at the start.
+    is_watched: bool,
     /// Its firmware doesn't run, though its chip is in OP.
     is_hung: bool,
     hung_since: HostTime,
@@ -164,6 +166,7 @@ impl Supervisor {
                 clock: ClockDeviation::Near,
                 faulty: false,
                 fault: Fault::Told,
+                is_watched: false,
                 is_hung: false,
                 hung_since: HostTime(0),
                 figures: SubDeviceFigures { name, ..SubDeviceFigures::default() },

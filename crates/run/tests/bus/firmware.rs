@@ -55,13 +55,19 @@ fn a_drive_whose_firmware_hangs_is_named_and_its_robot_waits_for_a_person() {
 
 #[test]
 fn one_that_hung_before_or_whose_watchdog_is_off_is_not_taken_for_lost() {
-    let mut bench = held();
-    // What was counted before the robot was brought up: cleared at its first look.
-    assert!(bench.told("firmware").is_empty(), "{:?}", bench.events);
-    bench.write_register(2, 0x0410, &[0, 0]);
-    hangs(&mut bench, 2, true);
-    bench.run(2 * KNOWN);
-    assert!(bench.told("firmware").is_empty(), "{:?}", bench.events);
+    // Off from the start, or off later.
+    for is_early in [true, false] {
+        let mut bench = Bench::new(&plan(""));
+        if is_early {
+            bench.write_register(2, 0x0410, &[0, 0]);
+        }
+        bench.enable();
+        bench.run(300);
+        bench.write_register(2, 0x0410, if is_early { &[0xE8, 0x03] } else { &[0, 0] });
+        hangs(&mut bench, 2, true);
+        bench.run(3 * KNOWN);
+        assert!(bench.told("firmware").is_empty(), "{is_early}: {:?}", bench.events);
+    }
 }
 
 #[test]

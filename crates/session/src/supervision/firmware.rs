@@ -14,6 +14,8 @@ use super::{Supervised, Supervisor};
 const LOOK_INTERVAL: Duration = Duration::from_millis(20);
 /// The same while somebody is on its way back, whose way takes nearly all spare datagrams: the robot has stopped then.
 const LOOK_INTERVAL_BESIDE: Duration = Duration::from_millis(100);
+/// The same behind a round that found nobody: chips without a processor may count all the time.
+const LOOK_INTERVAL_IN_VAIN: Duration = Duration::from_millis(200);
 /// Bytes of each of these looks: the counters of both watchdogs; DL status.
 const BYTES: usize = 2;
 /// By that its answers are known among others.
@@ -24,6 +26,8 @@ const IS_ALIVE: u16 = 1 << 1;
 /// What is asked next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Question {
+    /// Does this one's watchdog run at the start? Who has no processor, or has it off, isn't watched.
+    Runs(usize),
     /// Nothing: what was counted before is cleared.
     Clear,
     /// Did any watchdog expire?
@@ -38,6 +42,8 @@ enum Question {
 #[derive(Debug)]
 pub(super) struct FirmwareWatch {
     question: Question,
+    /// A round was begun, and found nobody yet.
+    is_in_vain: bool,
     is_asked: bool,
     next: HostTime,
     buffer: Vec<u8>,
@@ -46,7 +52,8 @@ pub(super) struct FirmwareWatch {
 impl Default for FirmwareWatch {
     fn default() -> Self {
         FirmwareWatch {
-            question: Question::Clear,
+            question: Question::Runs(0),
+            is_in_vain: false,
             is_asked: false,
             next: HostTime(0),
             buffer: Vec::with_capacity(BYTES),
@@ -64,7 +71,9 @@ impl Supervisor {
             Question::Clear => (RegisterAccess::WriteAll, register::WATCHDOG_COUNTER, self.anybody()),
             Question::Any => (RegisterAccess::ReadAll, register::WATCHDOG_COUNTER, self.anybody()),
             Question::Whose(number) => (RegisterAccess::Read, register::WATCHDOG_COUNTER, Some(number)),
-            Question::IsAlive(number) => (RegisterAccess::Read, register::DL_STATUS, Some(number)),
+            Question::Runs(number) | Question::IsAlive(number) => {
+                (RegisterAccess::Read, register::DL_STATUS, Some(number))
+            }
         };
         let Some(one) = number.and_then(|number| self.all.get(number)) else { return };
         let mut data = std::mem::take(&mut self.firmware.buffer);
@@ -92,14 +101,24 @@ impl Supervisor {
         self.firmware.is_asked = false;
         let expired = is_there && word >> 8 != 0;
         self.firmware.question = match self.firmware.question {
+            Question::Runs(number) => {
+                self.all[number].is_watched = is_there && word & IS_ALIVE != 0;
+                if number + 1 < self.all.len() { Question::Runs(number + 1) } else { Question::Clear }
+            }
             // Once more: nobody is judged by what was counted before.
             Question::Clear if !is_there => Question::Clear,
-            Question::Any if expired => self.whose(0),
+            Question::Any if expired => {
+                self.firmware.is_in_vain = true;
+                self.whose(0)
+            }
             Question::Clear | Question::Any => match self.hung_from(0) {
                 Some(number) => self.later(Question::IsAlive(number), now),
                 None => self.later(Question::Any, now),
             },
-            Question::Whose(number) if expired => Question::IsAlive(number),
+            Question::Whose(number) if expired && self.all[number].is_watched => {
+                self.firmware.is_in_vain = false;
+                Question::IsAlive(number)
+            }
             Question::Whose(number) => self.whose(number + 1),
             Question::IsAlive(number) => {
                 let was_hung = self.all[number].is_hung;
@@ -117,7 +136,12 @@ impl Supervisor {
 
     fn later(&mut self, question: Question, now: HostTime) -> Question {
         let is_beside = self.all.iter().any(Supervised::is_on_its_way);
-        self.firmware.next = now + if is_beside { LOOK_INTERVAL_BESIDE } else { LOOK_INTERVAL };
+        let interval = match (is_beside, std::mem::take(&mut self.firmware.is_in_vain)) {
+            (true, _) => LOOK_INTERVAL_BESIDE,
+            (false, true) => LOOK_INTERVAL_IN_VAIN,
+            (false, false) => LOOK_INTERVAL,
+        };
+        self.firmware.next = now + interval;
         question
     }
 
