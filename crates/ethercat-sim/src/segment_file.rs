@@ -86,7 +86,7 @@ pub enum Kind {
     /// A device from an SII image in a file.
     Sii(PathBuf),
     /// A device from its maker's file.
-    Esi(EsiDevice),
+    Esi(Box<EsiDevice>),
     /// A coupler.
     Coupler,
     /// Digital inputs and outputs.
@@ -299,7 +299,13 @@ fn read_kind(entry: &mut TableReader, document: &mut Document) -> Option<(String
             let (modules, files) = (texts("modules"), texts("module_files"));
             let module_files = files.into_iter().map(PathBuf::from).collect();
             let servo = drive::read_servo(entry, document);
-            Kind::Esi(EsiDevice { file: file?.into(), device: device?, modules, module_files, servo })
+            Kind::Esi(Box::new(EsiDevice {
+                file: file?.into(),
+                device: device?,
+                modules,
+                module_files,
+                servo,
+            }))
         }
         _ => {
             let text = format!("\"{name}\" is no kind of subdevice{}", nearest_hint(&name, &KINDS));

@@ -4,6 +4,7 @@ mod brakes;
 mod floor;
 mod jogging;
 mod naming;
+mod operational;
 mod reading;
 
 pub use floor::Calibrated;
@@ -141,6 +142,11 @@ const ATTEMPTS: u32 = 20;
 /// A device by the numbers that tell it from others.
 pub(crate) fn who(vendor_id: u32, product_code: u32, serial: u32) -> String {
     format!("vendor 0x{vendor_id:08x} product 0x{product_code:08x} serial {serial}")
+}
+
+/// What the bus says no to.
+pub(crate) fn in_words(error: &dyn std::fmt::Display) -> SetupError {
+    SetupError::Bus(error.to_string())
 }
 
 /// A step that was left half-way.

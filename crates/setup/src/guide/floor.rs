@@ -13,7 +13,7 @@ use omnibase_robot::signals::{CycleRecord, CycleTime, Frame, Phase, SafetyReason
 use omnibase_robot::{ProcessImage, Registry, Request, RequestKind, Robot};
 use omnibase_session::session::Session;
 
-use super::{Guide, Leave, SetupError};
+use super::{Guide, Leave, SetupError, in_words};
 use crate::dead_man::DeadMan;
 use crate::hand::Key;
 use crate::record::Leg;
@@ -92,10 +92,6 @@ struct Drive {
     /// Cycles in whose frames a drive was told to be in operation though no key was held; must be 0.
     unheld_cycles: u32,
     words: String,
-}
-
-fn in_words(error: &dyn std::fmt::Display) -> SetupError {
-    SetupError::Bus(error.to_string())
 }
 
 /// Whether some drive is told to be in operation by the bytes that leave next.

@@ -1,17 +1,9 @@
 //! What is done in OP: jog, first enable, emergency stop.
 
-use std::sync::atomic::AtomicBool;
+use omnibase_ethercat::wire::Clock;
 
-use omnibase_ethercat::config::{DcConfig, Match, SubDeviceConfig, SyncMode};
-use omnibase_ethercat::cyclic::{ClockDirection, Goal, Handover, TransitionOptions};
-use omnibase_ethercat::paced::{Leader, Pace, PacedBus};
-use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
-use omnibase_ethercat::wire::coe::ObjectAddress;
-use omnibase_ethercat::wire::{Clock, Link};
-use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
-
-use super::{ATTEMPTS, Guide, Leave, SetupError, who};
-use crate::drive::DriveMap;
+use super::operational::Operational;
+use super::{ATTEMPTS, Guide, Leave, SetupError, in_words};
 use crate::jog::{Jog, JogEnd, JogPlan, Jogger};
 use crate::record::{FoundDrive, Turned};
 use crate::turns::{contradicts, is_seen_as, likely_resolution};
@@ -39,91 +31,7 @@ pub(super) enum Motion {
     Stands(f64),
 }
 
-/// The segment in OP, every drive disabled.
-struct Operational<C: Clock> {
-    paced: PacedBus<Box<dyn Link>, C>,
-    image: ProcessImage,
-    maps: Vec<DriveMap>,
-}
-
-fn in_words(error: &dyn std::fmt::Display) -> SetupError {
-    SetupError::Bus(error.to_string())
-}
-
 impl<C: Clock> Guide<'_, C> {
-    /// To OP with the maps that the drives have, torques limited before anything else.
-    fn operational(&mut self) -> Result<Operational<C>, SetupError> {
-        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
-        let mut bus = Bus::new(link, clock, BusOptions::default());
-        bus.scan().map_err(|error| in_words(&error))?;
-        self.are_those_found(&bus)?;
-        self.has_jogged = true;
-        let cycle_ns = self.wished.cycle.as_nanos() as u32;
-        let limit = SdoWrite {
-            object: ObjectAddress::new(0x6072, 0),
-            data: self.wished.torque_per_mille.to_le_bytes().to_vec(),
-            access: SdoAccess::Entry,
-            refusal: Refusal::IsError,
-            read_back: ReadBack::Compare,
-            origin: Some("nothing else would hold the drive to a low torque while it is jogged".into()),
-        };
-        let config = |position: u16| {
-            let is_drive = self.record.drives.iter().any(|drive| drive.position == position);
-            let place = Some(Match::Position(position));
-            if !is_drive {
-                return SubDeviceConfig { place, ..SubDeviceConfig::default() };
-            }
-            SubDeviceConfig {
-                place,
-                sdos: vec![limit.clone()],
-                own_bytes: true,
-                dc: DcConfig::Sync0 { cycle_ns, shift_ns: 0 },
-                sync_mode: Some(SyncMode::Sync0),
-                ..SubDeviceConfig::default()
-            }
-        };
-        let configs: Vec<SubDeviceConfig> = (0..bus.subdevices().len() as u16).map(config).collect();
-        bus.configure(&configs).map_err(|error| in_words(&error))?;
-        let handover = bus.into_cyclic(ClockDirection::CycleFollowsDc).map_err(|error| in_words(&error))?;
-        let Handover { bus, clock, subdevices } = handover;
-        let map = |drive: &FoundDrive| DriveMap::of(&subdevices[usize::from(drive.position)], bus.plan());
-        let maps = self
-            .record
-            .drives
-            .iter()
-            .map(map)
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(|error| in_words(&error))?;
-        let mut image = bus.plan().image();
-        let timeout = self.wished.cycle * 9 / 10;
-        let pace =
-            Pace { cycle: self.wished.cycle, timeout, leader: Leader::ReferenceClock, sync0_shift_ns: 0 };
-        let mut paced = PacedBus::new(bus, clock, pace);
-        let never = AtomicBool::new(false);
-        paced
-            .reach(Goal::Op, TransitionOptions::default(), &never, |paced| {
-                paced.exchange(&mut image).map(drop)
-            })
-            .map_err(|error| in_words(&error))?;
-        Ok(Operational { paced, image, maps })
-    }
-
-    /// Each drive is where it was found: another one in its place would be turned for it.
-    pub(super) fn are_those_found(&self, bus: &Bus<Box<dyn Link>, C>) -> Result<(), SetupError> {
-        for was in &self.record.drives {
-            let one = bus.subdevices().get(usize::from(was.position));
-            let found = one.map_or("nobody".to_owned(), |one| {
-                let identity = &one.identity;
-                who(identity.vendor_id, identity.product_code, identity.serial)
-            });
-            let expected = who(was.vendor_id, was.product_code, was.serial);
-            if found != expected {
-                return Err(SetupError::Changed { position: was.position, expected, found });
-            }
-        }
-        Ok(())
-    }
-
     /// Turns one drive while its key is held.
     pub(super) fn jog(&mut self, number: usize, motion: Motion, what: &str) -> Result<Jog, SetupError> {
         let mut operational = self.operational()?;
@@ -146,10 +54,16 @@ impl<C: Clock> Guide<'_, C> {
         let Operational { paced, image, maps } = &mut operational;
         let mut jogger =
             Jogger { paced, image, map: &maps[number], cycle_ns: self.wished.cycle.as_nanos() as u64 };
-        let jog = match motion {
+        let mut jog = match motion {
             Motion::Turns => jogger.run(&plan, self.hand)?,
             Motion::Stands(_) => jogger.hold(&plan, self.hand)?,
         };
+        if let JogEnd::Drive(words) = &mut jog.end
+            && operational.maps[number].error.is_none()
+            && let Some(error) = operational.error_code(drive.position)?
+        {
+            *words += &format!("; asked by SDO, it says error {error}");
+        }
         let ended = operational.paced.end(|paced| paced.exchange(&mut operational.image).map(drop));
         self.record.note(format!(
             "SubDevice {}: {what}: {:?}, {} counts, enabled for {} cycles, {} without a held key",

@@ -4,13 +4,9 @@ use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_ethercat::{Bus, BusOptions};
 
-use super::{Guide, Leave, SetupError};
+use super::{Guide, Leave, SetupError, in_words};
 
 type AnyBus<C> = Bus<Box<dyn Link>, C>;
-
-fn in_words(error: &dyn std::fmt::Display) -> SetupError {
-    SetupError::Bus(error.to_string())
-}
 
 impl<C: Clock> Guide<'_, C> {
     /// The segment in INIT, everybody looked at.

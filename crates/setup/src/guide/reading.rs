@@ -10,7 +10,7 @@ use omnibase_ethercat::{Bus, BusOptions};
 
 use omnibase_robot::config::DrivePlan;
 
-use super::{Guide, SetupError, is_product, who};
+use super::{Guide, SetupError, in_words, is_product, who};
 use crate::record::{FoundDevice, FoundDrive};
 
 /// The profile of drives in 0x1000.
@@ -31,10 +31,6 @@ const TOLD_COUNTS: RangeInclusive<f64> = 1.0..=268_435_456.0;
 const TOLD_GEAR: RangeInclusive<f64> = 0.001..=1000.0;
 
 type AnyBus<C> = Bus<Box<dyn Link>, C>;
-
-fn in_words(error: &dyn std::fmt::Display) -> SetupError {
-    SetupError::Bus(error.to_string())
-}
 
 impl<C: Clock> Guide<'_, C> {
     /// The segment in PRE-OP, each SubDevice as it describes itself.

@@ -1,0 +1,126 @@
+//! The segment in OP for a motion of a set-up.
+
+use std::sync::atomic::AtomicBool;
+
+use omnibase_cia402::ErrorCode;
+use omnibase_ethercat::config::{DcConfig, Match, SubDeviceConfig, SyncMode};
+use omnibase_ethercat::cyclic::{
+    AcyclicCompletion, AcyclicRequest, AcyclicWork, ClockDirection, Goal, Handover, TransitionOptions,
+};
+use omnibase_ethercat::mailbox::MailboxRequest;
+use omnibase_ethercat::paced::{Leader, Pace, PacedBus};
+use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
+use omnibase_ethercat::wire::coe::ObjectAddress;
+use omnibase_ethercat::wire::{Clock, Link, LinkError};
+use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
+
+use super::{Guide, SetupError, in_words, who};
+use crate::drive::DriveMap;
+use crate::record::FoundDrive;
+
+/// Where a drive says by what it failed; and how long it is waited for that, cycles.
+const ERROR_CODE: ObjectAddress = ObjectAddress::new(0x603F, 0);
+const ASKING_CYCLES: u32 = 500;
+
+/// The segment in OP, every drive disabled.
+pub(super) struct Operational<C: Clock> {
+    pub(super) paced: PacedBus<Box<dyn Link>, C>,
+    pub(super) image: ProcessImage,
+    pub(super) maps: Vec<DriveMap>,
+}
+
+impl<C: Clock> Operational<C> {
+    /// A drive's error code, asked by SDO; `None` where it has none, or doesn't answer.
+    pub(super) fn error_code(&mut self, position: u16) -> Result<Option<ErrorCode>, LinkError> {
+        let work = AcyclicWork::Mailbox(MailboxRequest::upload(ERROR_CODE, Vec::with_capacity(2)));
+        if self.paced.bus_mut().submit(AcyclicRequest { tag: 0, position, work }).is_err() {
+            return Ok(None);
+        }
+        for _ in 0..ASKING_CYCLES {
+            self.paced.exchange(&mut self.image)?;
+            if let Some(AcyclicCompletion { work: AcyclicWork::Mailbox(answer), result, .. }) =
+                self.paced.bus_mut().poll_completion()
+            {
+                let bytes = answer.data.first_chunk().filter(|_| result.is_ok());
+                let error = bytes.map(|bytes| ErrorCode(u16::from_le_bytes(*bytes)));
+                return Ok(error.filter(|error| *error != ErrorCode::NONE));
+            }
+        }
+        Ok(None)
+    }
+}
+
+impl<C: Clock> Guide<'_, C> {
+    /// To OP with the maps that the drives have, torques limited before anything else.
+    pub(super) fn operational(&mut self) -> Result<Operational<C>, SetupError> {
+        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
+        let mut bus = Bus::new(link, clock, BusOptions::default());
+        bus.scan().map_err(|error| in_words(&error))?;
+        self.are_those_found(&bus)?;
+        self.has_jogged = true;
+        let cycle_ns = self.wished.cycle.as_nanos() as u32;
+        let limit = SdoWrite {
+            object: ObjectAddress::new(0x6072, 0),
+            data: self.wished.torque_per_mille.to_le_bytes().to_vec(),
+            access: SdoAccess::Entry,
+            refusal: Refusal::IsError,
+            read_back: ReadBack::Compare,
+            origin: Some("nothing else would hold the drive to a low torque while it is jogged".into()),
+        };
+        let config = |position: u16| {
+            let is_drive = self.record.drives.iter().any(|drive| drive.position == position);
+            let place = Some(Match::Position(position));
+            if !is_drive {
+                return SubDeviceConfig { place, ..SubDeviceConfig::default() };
+            }
+            SubDeviceConfig {
+                place,
+                sdos: vec![limit.clone()],
+                own_bytes: true,
+                dc: DcConfig::Sync0 { cycle_ns, shift_ns: 0 },
+                sync_mode: Some(SyncMode::Sync0),
+                ..SubDeviceConfig::default()
+            }
+        };
+        let configs: Vec<SubDeviceConfig> = (0..bus.subdevices().len() as u16).map(config).collect();
+        bus.configure(&configs).map_err(|error| in_words(&error))?;
+        let handover = bus.into_cyclic(ClockDirection::CycleFollowsDc).map_err(|error| in_words(&error))?;
+        let Handover { bus, clock, subdevices } = handover;
+        let map = |drive: &FoundDrive| DriveMap::of(&subdevices[usize::from(drive.position)], bus.plan());
+        let maps = self
+            .record
+            .drives
+            .iter()
+            .map(map)
+            .collect::<Result<Vec<_>, _>>()
+            .map_err(|error| in_words(&error))?;
+        let mut image = bus.plan().image();
+        let timeout = self.wished.cycle * 9 / 10;
+        let pace =
+            Pace { cycle: self.wished.cycle, timeout, leader: Leader::ReferenceClock, sync0_shift_ns: 0 };
+        let mut paced = PacedBus::new(bus, clock, pace);
+        let never = AtomicBool::new(false);
+        paced
+            .reach(Goal::Op, TransitionOptions::default(), &never, |paced| {
+                paced.exchange(&mut image).map(drop)
+            })
+            .map_err(|error| in_words(&error))?;
+        Ok(Operational { paced, image, maps })
+    }
+
+    /// Each drive is where it was found: another one in its place would be turned for it.
+    pub(super) fn are_those_found(&self, bus: &Bus<Box<dyn Link>, C>) -> Result<(), SetupError> {
+        for was in &self.record.drives {
+            let one = bus.subdevices().get(usize::from(was.position));
+            let found = one.map_or("nobody".to_owned(), |one| {
+                let identity = &one.identity;
+                who(identity.vendor_id, identity.product_code, identity.serial)
+            });
+            let expected = who(was.vendor_id, was.product_code, was.serial);
+            if found != expected {
+                return Err(SetupError::Changed { position: was.position, expected, found });
+            }
+        }
+        Ok(())
+    }
+}
