@@ -103,14 +103,14 @@ impl Search<'_> {
         let (neighbours, count) = self.neighbours(at);
         let mut best = (f32::INFINITY, NOBODY);
         for next in neighbours[..count].iter().filter(|next| tree.cells[**next].is_done) {
-            let length = self.to_turn(tree, *next) + distance(self.turn(*next), self.place(at));
+            let length = self.length_at_turn(tree, *next) + distance(self.turn(*next), self.place(at));
             if length < best.0 {
                 best = (length, *next as u32);
             }
         }
         if best.1 != NOBODY {
             let turn = best.1 as usize;
-            tree.cells[turn].length = self.to_turn(tree, turn);
+            tree.cells[turn].length = self.length_at_turn(tree, turn);
             tree.cells[turn].is_turn = true;
         }
         tree.reach(at, best.1, best.0);
@@ -162,7 +162,7 @@ impl Search<'_> {
     }
 
     /// The length to where ways turn at a cell.
-    fn to_turn(&self, tree: &Tree, at: usize) -> f32 {
+    fn length_at_turn(&self, tree: &Tree, at: usize) -> f32 {
         let reached = tree.cells[at];
         if reached.is_turn || reached.parent == NOBODY {
             return reached.length;
