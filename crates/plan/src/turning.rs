@@ -42,13 +42,15 @@ struct Tree<'a> {
 }
 
 impl Tree<'_> {
+    /// Whether a state is reached from another one at less cost than before.
+    fn is_better(&self, [from, to]: [usize; 2], step: f32) -> bool {
+        !self.done[to] && (self.cost[to] == 0.0 || self.cost[from] + step < self.cost[to])
+    }
+
     fn reach(&mut self, [from, to]: [usize; 2], step: f32, left: f32) {
-        let found = self.cost[from] + step;
-        if !self.done[to] && (self.cost[to] == 0.0 || found < self.cost[to]) {
-            self.cost[to] = found;
-            self.parent[to] = from as u32;
-            self.queue.add(found + left, to);
-        }
+        self.cost[to] = self.cost[from] + step;
+        self.parent[to] = from as u32;
+        self.queue.add(self.cost[to] + left, to);
     }
 }
 
@@ -209,31 +211,33 @@ impl<'a, 'c> Turning<'a, 'c> {
                 return Some(self.places(state, &tree.parent));
             }
             let (cell, heading) = (state / self.headings, state % self.headings);
-            let mut reach =
-                |cell: usize, next: usize, step: f32| tree.reach([state, next], step, estimate(cell));
             let is_any = self.outer.is_open(cell);
             let (neighbours, count) = self.inner.neighbours(cell);
             for next in &neighbours[..count] {
                 let step = self.inner.apart(cell, *next);
-                if self.outer.is_open(*next) {
-                    if !is_any && !self.is_step_free((cell, heading), (*next, heading)) {
-                        continue;
-                    }
-                    reach(*next, *next * self.headings, step);
-                    continue;
-                }
-                let all = if is_any { 0..self.headings } else { heading..heading + 1 };
+                // Where all headings fit there is one state, whatever they are here.
+                let (to_any, all) = (self.outer.is_open(*next), 0..self.headings);
+                let all = if is_any && !to_any { all } else { heading..heading + 1 };
                 for heading in all {
-                    if self.is_free(*next, heading) && self.is_step_free((cell, heading), (*next, heading)) {
-                        reach(*next, *next * self.headings + heading, step);
+                    let states = [state, self.state(*next, heading)];
+                    // What is reached at less cost already needn't be looked at.
+                    if tree.is_better(states, step)
+                        && self.is_free(*next, heading)
+                        && (is_any && to_any || self.is_step_free((cell, heading), (*next, heading)))
+                    {
+                        tree.reach(states, step, estimate(*next));
                     }
                 }
             }
             if !is_any {
                 let turn = self.turn_cost * std::f32::consts::TAU / self.headings as f32;
                 for next in [heading + 1, heading + self.headings - 1].map(|next| next % self.headings) {
-                    if self.is_free(cell, next) && self.is_step_free((cell, heading), (cell, next)) {
-                        reach(cell, cell * self.headings + next, turn);
+                    let states = [state, self.state(cell, next)];
+                    if tree.is_better(states, turn)
+                        && self.is_free(cell, next)
+                        && self.is_step_free((cell, heading), (cell, next))
+                    {
+                        tree.reach(states, turn, estimate(cell));
                     }
                 }
             }

@@ -109,7 +109,8 @@ fn of_two_ways_on_different_sides_the_shorter_one_is_taken() {
     let mut near = 0;
     for _ in 0..150 {
         // A block turned by any angle, and ends on both sides of it; then the same with either side closed.
-        let (middle, angle_rad) = ([between(3.7, 4.3), between(2.7, 3.3)], between(0.0, 3.14));
+        let (middle, angle_rad) =
+            ([between(3.7, 4.3), between(2.7, 3.3)], between(0.0, std::f64::consts::PI));
         let half = [between(0.3, 1.6), between(0.1, 0.5)];
         let (sin, cos) = f64::sin_cos(angle_rad);
         let block = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
