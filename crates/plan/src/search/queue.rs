@@ -28,6 +28,17 @@ impl<'a> Queue<'a> {
         self.buckets[bucket].push(cell as u32);
     }
 
+    /// Takes all out.
+    pub(crate) fn clear(&mut self) {
+        self.buckets.iter_mut().for_each(Vec::clear);
+        self.at = 0;
+    }
+
+    /// Whether whoever waits ends it.
+    pub(crate) fn is_over(&self) -> bool {
+        self.until.is_over()
+    }
+
     /// The next one; `None` where there is none, or whoever waits ends it.
     pub(crate) fn next(&mut self) -> Option<usize> {
         if self.until.is_over_at(self.taken) {
