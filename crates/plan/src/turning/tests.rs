@@ -2,11 +2,15 @@ use super::*;
 use crate::footprint::Footprint;
 use crate::map::Map;
 
+/// What is kept around it.
+const ROOM_M: f64 = 0.02;
+
 /// A footprint of 12 by 4 cells, and looks of its discs in a room with cells of 5 cm.
 fn in_room<T>(space: &Space, look: impl FnOnce(&mut Turning<'_, '_>) -> T) -> T {
     let footprint = Footprint::new(vec![[-0.3, -0.1], [0.3, -0.1], [0.3, 0.1], [-0.3, 0.1]]).unwrap();
-    let [outer_m, inner_m] = [footprint.outer_radius_m(), footprint.inner_radius_m()];
-    let mut checker = space.checker(&footprint, 0.0);
+    let [outer_m, inner_m] =
+        [footprint.outer_radius_m(), footprint.inner_radius_m()].map(|radius_m| radius_m + ROOM_M);
+    let mut checker = space.checker(&footprint, ROOM_M).coarse(ROOM_M);
     let [outer, inner] = [outer_m, inner_m].map(|radius_m| Search::new(space, space.clearance(), radius_m));
     look(&mut Turning::new(space, &mut checker, outer, inner, outer_m).unwrap())
 }
@@ -21,7 +25,7 @@ fn whether_there_is_a_way_is_known_before_it_is_looked_for() {
     let mut count = [0; 2];
     for number in 0..60 {
         let mut map = Map::empty([60, 40], 0.05).unwrap();
-        for _ in 0..9 + number % 6 {
+        for _ in 0..14 + number % 6 {
             let ([x, y], turn) = ([next(0.0, 3.0), next(0.0, 2.0)], next(0.0, 3.0));
             let half = [next(0.03, 0.5), next(0.03, 0.1)];
             let (sin, cos) = f64::sin_cos(turn);
@@ -38,7 +42,7 @@ fn whether_there_is_a_way_is_known_before_it_is_looked_for() {
                 free.extend((0..turning.headings).step_by(5).map(|heading| (at, heading)));
             }
             free.retain(|(cell, heading)| turning.is_free(*cell, *heading));
-            for _ in 0..4 {
+            for _ in 0..5 {
                 let [from, to] = [0, 1].map(|_| free[next(0.0, free.len() as f64) as usize]);
                 let is_there = turning.hang_together(&[from], &[to]);
                 let is_near = turning.ways_to(to.0)[from.0].is_finite();
@@ -70,5 +74,25 @@ fn what_cannot_be_reached_is_told_by_looks_in_the_passage_alone() {
             cells.filter(|cell| turning.inner.is_open(*cell) && !turning.outer.is_open(*cell)).count();
         let all = narrow * turning.headings;
         assert!(looked > 10 && looked * 10 < all, "{looked} of {all}");
+    });
+}
+
+#[test]
+fn a_state_takes_few_looks() {
+    let mut map = Map::empty([60, 40], 0.05).unwrap();
+    // A door that one heading passes, and nothing beside it.
+    for [low, high] in [[0.0, 0.85], [1.15, 2.0]] {
+        map.block_polygon(&[[1.4, low], [1.6, low], [1.6, high], [1.4, high]]);
+    }
+    let space = Space::new(map);
+    in_room(&space, |turning| {
+        let [from, to] = [[0.5, 1.0], [2.5, 1.0]].map(|[x, y]| Pose2::new(x / 0.05, y / 0.05, 1.5));
+        assert!(turning.shortest(&from, &to).is_some());
+        let states = turning.looked.iter().filter(|looked| **looked != 0).count();
+        assert!(
+            states > 400 && turning.checker.looks < 3 * states,
+            "{} looks at {states} states",
+            turning.checker.looks
+        );
     });
 }
