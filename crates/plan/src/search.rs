@@ -3,9 +3,9 @@
 //! A place is open where the disc fits: a cell's centre, in a gap and at the ends of a way another place of it. A step from centre to centre needs
 //! all four corners of the square between them open, so that no occupied cell reaches in between by more than a few tenths of a millimetre.
 //!
-//! - [`tree`]: how cells are reached from one end, until the other one is.
-//! - [`sight`]: whether the disc gets straight from one place to another.
-//! - [`queue`]: which cell is next.
+//! - `tree`: how cells are reached from one end, until the other one is.
+//! - `sight`: whether the disc gets straight from one place to another.
+//! - `queue`: which cell is next.
 
 use crate::gaps::{AROUND, Gap, Gaps, number};
 use crate::space::Space;

@@ -2,7 +2,7 @@
 //!
 //! Where a disc around the whole footprint fits, the heading doesn't count and a place is one state; elsewhere it is one state a
 //! heading. What is left of a way to the goal is never longer than the way of the disc that every heading covers. Whether there is a way at all is
-//! known before, by [`passages`].
+//! known before, by `passages`.
 
 use omnibase_platform::{Pose2, wrap_angle_rad};
 
