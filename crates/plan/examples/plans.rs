@@ -309,51 +309,71 @@ fn main() {
     if let Some(mut file) = file {
         file.flush().expect("the file can be written");
     }
-    cold();
+    let [(disc, of_disc, _), _, (long, of_long, _)] = &robots;
+    cold(disc, of_disc, 200, false);
+    cold(&format!("{long}, narrow doors"), of_long, 40, true);
 }
 
-/// Maps of 147,000 cells, each seen for the first time: everything from the cells to the way.
-fn cold() {
-    const CELLS: [usize; 2] = [420, 350];
-    let footprint = Footprint::disc(0.3).expect("convex");
-    let mut random = Random(3);
-    let (mut times_ms, mut of_space) = (Vec::new(), Vec::new());
-    let (size_m, mut none) = (CELLS.map(|count| count as f64 * CELL_M), 0);
-    while times_ms.len() < 200 {
-        let mut map = Map::empty(CELLS, CELL_M).expect("a map");
-        for _ in 0..40 {
-            let centre = [random.between(0.0, size_m[0]), random.between(0.0, size_m[1])];
-            let half = [random.between(0.1, 1.5), random.between(0.1, 1.0)];
-            let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
-            map.block_polygon(&corners.map(|[x, y]| [centre[0] + x * half[0], centre[1] + y * half[1]]));
+const LARGE_CELLS: [usize; 2] = [420, 350];
+/// The width of a door that the long robot hardly passes, in a wall of a large map, m.
+const NARROW_M: [f64; 2] = [0.6, 0.75];
+
+/// A map of 147,000 cells, a wall with a narrow door through it where it is asked for, and ends of a way on both sides.
+fn large(random: &mut Random, has_door: bool) -> (Map, [Pose2; 2]) {
+    let size_m = LARGE_CELLS.map(|count| count as f64 * CELL_M);
+    let mut map = Map::empty(LARGE_CELLS, CELL_M).expect("a map");
+    for _ in 0..40 {
+        let centre = [random.between(0.0, size_m[0]), random.between(0.0, size_m[1])];
+        let half = [random.between(0.1, 1.5), random.between(0.1, 1.0)];
+        let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+        map.block_polygon(&corners.map(|[x, y]| [centre[0] + x * half[0], centre[1] + y * half[1]]));
+    }
+    if has_door {
+        let (x_m, half_m) = (random.between(0.3, 0.7) * size_m[0], random.between(0.05, 0.5));
+        let low_m = random.between(0.1, 0.9) * size_m[1];
+        let high_m = low_m + random.between(NARROW_M[0], NARROW_M[1]);
+        for [low, high] in [[0.0, low_m], [high_m, size_m[1]]] {
+            let sides = [x_m - half_m, x_m + half_m];
+            map.block_polygon(&[[sides[0], low], [sides[1], low], [sides[1], high], [sides[0], high]]);
         }
-        let pose = |x, y| Pose2::new(x * size_m[0], y * size_m[1], 0.0);
-        let (from, to) = (pose(0.05, random.between(0.05, 0.95)), pose(0.95, random.between(0.05, 0.95)));
+    }
+    let pose = |x, y| Pose2::new(x * size_m[0], y * size_m[1], 0.0);
+    let ends = [pose(0.05, random.between(0.05, 0.95)), pose(0.95, random.between(0.05, 0.95))];
+    (map, ends)
+}
+
+/// Large maps, each seen for the first time: everything from the cells to the way.
+fn cold(who: &str, footprint: &Footprint, plans: usize, has_door: bool) {
+    let mut random = Random(3);
+    let (mut times_ms, mut none_ms, mut of_space) = (Vec::new(), Vec::new(), Vec::new());
+    while times_ms.len() < plans {
+        let (map, [from, to]) = large(&mut random, has_door);
         let begun_ms = used_ms();
         let space = Space::new(map);
         of_space.push(used_ms() - begun_ms);
         let task = Task {
             space: &space,
-            footprint: &footprint,
+            footprint,
             from,
             to,
             clearance_m: CLEARANCE_M,
             cost: Cost::Shortest,
             until: Until::default(),
         };
-        match plan(&task) {
-            Ok(_) => times_ms.push(used_ms() - begun_ms),
-            Err(_) => none += 1,
-        }
+        let planned = plan(&task);
+        let took_ms = used_ms() - begun_ms;
+        if planned.is_ok() { times_ms.push(took_ms) } else { none_ms.push(took_ms) }
     }
-    times_ms.sort_by(f64::total_cmp);
-    of_space.sort_by(f64::total_cmp);
+    for times in [&mut times_ms, &mut none_ms, &mut of_space] {
+        times.sort_by(f64::total_cmp);
+    }
     println!(
-        "147,000 cells, cold: half {:.1} ms, 99 % {:.1} ms, most {:.1} ms of {} plans ({none} had none); of it distances {:.1} ms",
+        "147,000 cells, cold, {who}: half {:.1} ms, 99 % {:.1} ms, most {:.1} ms of {plans} plans ({} had none: most {:.1} ms); of it distances {:.1} ms",
         percentile(&times_ms, 0.5),
         percentile(&times_ms, 0.99),
         percentile(&times_ms, 1.0),
-        times_ms.len(),
+        none_ms.len(),
+        percentile(&none_ms, 1.0),
         percentile(&of_space, 0.5)
     );
 }

@@ -29,6 +29,8 @@ pub struct Gap {
     pub(crate) at: Point,
     /// To which of the cells around it gets straight, by [`AROUND`].
     links: u8,
+    /// From the cell's centre to what is nearest, in cells.
+    pub(crate) room: f32,
 }
 
 impl Gap {
@@ -52,8 +54,9 @@ pub(crate) fn number(clearance: f32) -> Option<usize> {
 }
 
 impl<'a> Gaps<'a> {
-    /// For a disc of a radius, in cells, among cells of this clearance, in cells: of those whose centres have less room than `below`.
-    pub fn new(space: &Space, clearance: &'a [f32], radius: f32, below: f32) -> Self {
+    /// For a disc of a radius, in cells, among cells of this clearance, in cells: of those whose centres have less room than `below`. Ends of a
+    /// way, in cells, are places of their cells, where the disc fits there.
+    pub fn new(space: &Space, clearance: &'a [f32], radius: f32, below: f32, ends: &[Point]) -> Self {
         let width = space.map.width;
         let range = (radius - HALF_DIAGONAL).max(0.0)..below;
         let is_near_ridge = |at: usize| {
@@ -84,10 +87,15 @@ impl<'a> Gaps<'a> {
                     && is_free(space, [*at, centre(next)], f64::from(radius))
             })
         }));
+        for end in ends.iter().filter(|end| space.distance(**end, f64::from(radius)) >= f64::from(radius)) {
+            let cell = end[1] as usize * width + end[0] as usize;
+            found.retain(|(other, _)| *other != cell);
+            found.push((cell, *end));
+        }
         let mut all = Gaps { clearance: Cow::Borrowed(clearance), gaps: Vec::new() };
         for (number, (cell, at)) in found.iter().enumerate() {
             all.clearance.to_mut()[*cell] = -(number as f32) - 1.0;
-            all.gaps.push(Gap { at: *at, links: 0 });
+            all.gaps.push(Gap { at: *at, links: 0, room: clearance[*cell] });
         }
         for (number, (cell, at)) in found.iter().enumerate() {
             let leads = |[x, y]: [isize; 2]| {

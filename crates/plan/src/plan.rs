@@ -164,6 +164,8 @@ const RIDGE_CELLS: f64 = 1.0;
 const SHARES: [f64; 3] = [1.0, 0.5, 0.25];
 /// Directions in which a way out is looked for.
 const DIRECTIONS: u32 = 32;
+/// Poses of a way that are no farther apart are one, in cells and rad.
+const SAME: f64 = 1e-3;
 /// How far from a pose a cell may be where the search begins, in cells.
 const NEAR: isize = 2;
 
@@ -256,7 +258,8 @@ impl<'a> Planner<'a> {
         let [outer, inner] = [outer_m, inner_m].map(|radius_m| radius_m / space.map.cell_m);
         let (clearance, until) =
             (space.sharpened([inner - RIDGE_CELLS, outer + RIDGE_CELLS]), self.task.until);
-        let gaps = Gaps::new(space, &clearance, outer as f32, outer as f32);
+        let ends = self.ends.map(|pose| [pose.x_m, pose.y_m]);
+        let gaps = Gaps::new(space, &clearance, outer as f32, outer as f32, &ends);
         let disc = self.disc_way(&Search::through(space, &gaps, outer_m).until(until));
         drop(gaps);
         if let Some(way) =
@@ -265,7 +268,7 @@ impl<'a> Planner<'a> {
             return Ok(self.finished(way.clone(), By::Disc));
         }
         // No way is shorter than that of the disc which every heading covers.
-        let gaps = Gaps::new(space, &clearance, inner as f32, outer.min(inner + RIDGE_CELLS) as f32);
+        let gaps = Gaps::new(space, &clearance, inner as f32, outer.min(inner + RIDGE_CELLS) as f32, &[]);
         let search = Search::through(space, &gaps, inner_m).until(until);
         let least = self.least_way(&search, &Search::new(space, &clearance, inner_m).until(until), inner_m);
         match disc {
@@ -352,9 +355,14 @@ impl<'a> Planner<'a> {
             done += poses[at].distance_m(poses[at - 1]);
             poses[at].heading_rad += (to.heading_rad - from.heading_rad) * done / whole;
         }
-        // To the first cell and from the last one the disc may not fit: there it doesn't turn.
+        // To the first cell and from the last one the disc may not fit: there it doesn't turn. Where it fits, the ends are places of their cells.
         let last = poses.last().map(|last| Pose2 { heading_rad: to.heading_rad, ..*last });
-        let poses: Vec<Pose2> = [from].into_iter().chain(poses).chain(last).chain([to]).collect();
+        let mut poses: Vec<Pose2> = [from].into_iter().chain(poses).chain(last).chain([to]).collect();
+        let turns = |pose: &Pose2, before: &Pose2| (pose.heading_rad - before.heading_rad).abs();
+        poses.dedup_by(|pose, before| pose.distance_m(*before) < SAME && turns(pose, before) < SAME);
+        if let Some(last) = poses.last_mut() {
+            *last = to;
+        }
         Some(poses)
     }
 

@@ -55,6 +55,9 @@ pub struct Checker<'a> {
     /// How far points may move from one look to the next, in cells.
     step: f64,
     rows: Vec<[f64; 2]>,
+    /// Poses that were looked at.
+    #[cfg(test)]
+    pub(crate) looks: usize,
 }
 
 impl Space {
@@ -141,6 +144,8 @@ impl Space {
             is_nearly_disc,
             step: step_m / cell_m,
             rows: Vec::new(),
+            #[cfg(test)]
+            looks: 0,
         }
     }
 
@@ -197,6 +202,10 @@ impl<'a> Checker<'a> {
 
     /// How far the outline's points may move at least until one touches anything, in cells; `None` where one does.
     fn spare(&mut self, pose: &Pose2) -> Option<f64> {
+        #[cfg(test)]
+        {
+            self.looks += 1;
+        }
         let at = [pose.x_m, pose.y_m];
         let spare = self.space.least_clearance(at)? - self.reach;
         if spare >= 0.0 {

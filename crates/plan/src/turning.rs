@@ -1,12 +1,19 @@
 //! The way of a footprint that has to turn to get through: A* over places and headings.
 //!
 //! Where a disc around the whole footprint fits, the heading doesn't count and a place is one state; elsewhere it is one state a
-//! heading. What is left of a way to the goal is never longer than the way of the disc that every heading covers.
+//! heading. What is left of a way to the goal is never longer than the way of the disc that every heading covers. Whether there is a way at all is
+//! known before, by `passages`.
 
 use omnibase_platform::{Pose2, wrap_angle_rad};
 
 use crate::search::{Queue, Search};
 use crate::space::{Checker, Space};
+
+mod passages;
+#[cfg(test)]
+mod tests;
+
+use passages::State;
 
 const NOBODY: u32 = u32::MAX;
 /// What a turn by one radian costs, in parts of the way that the farthest corner makes by it.
@@ -42,13 +49,15 @@ struct Tree<'a> {
 }
 
 impl Tree<'_> {
+    /// Whether a state is reached from another one at less cost than before.
+    fn is_better(&self, [from, to]: [usize; 2], step: f32) -> bool {
+        !self.done[to] && (self.cost[to] == 0.0 || self.cost[from] + step < self.cost[to])
+    }
+
     fn reach(&mut self, [from, to]: [usize; 2], step: f32, left: f32) {
-        let found = self.cost[from] + step;
-        if !self.done[to] && (self.cost[to] == 0.0 || found < self.cost[to]) {
-            self.cost[to] = found;
-            self.parent[to] = from as u32;
-            self.queue.add(found + left, to);
-        }
+        self.cost[to] = self.cost[from] + step;
+        self.parent[to] = from as u32;
+        self.queue.add(self.cost[to] + left, to);
     }
 }
 
@@ -130,7 +139,7 @@ impl<'a, 'c> Turning<'a, 'c> {
     }
 
     /// Whether a step between two free states is.
-    fn is_step_free(&mut self, from: (usize, usize), to: (usize, usize)) -> bool {
+    fn is_step_free(&mut self, from: State, to: State) -> bool {
         let (from, mut to) = (self.pose(from.0, from.1), self.pose(to.0, to.1));
         to.heading_rad = from.heading_rad + wrap_angle_rad(to.heading_rad - from.heading_rad);
         self.checker.is_free_between_in_cells(&from, &to)
@@ -156,7 +165,7 @@ impl<'a, 'c> Turning<'a, 'c> {
     }
 
     /// States near a pose from which nothing is in the way to it: cell and heading.
-    fn around(&mut self, pose: &Pose2) -> Vec<(usize, usize)> {
+    fn around(&mut self, pose: &Pose2) -> Vec<State> {
         let turn = wrap_angle_rad(pose.heading_rad).rem_euclid(std::f64::consts::TAU);
         let below = (turn / std::f64::consts::TAU * self.headings as f64).floor() as usize;
         let mut found = Vec::new();
@@ -183,6 +192,11 @@ impl<'a, 'c> Turning<'a, 'c> {
     /// The places of the shortest way between two poses in cells; `None` where there is none.
     pub fn shortest(&mut self, from: &Pose2, to: &Pose2) -> Option<Vec<Place>> {
         let (begins, ends) = (self.around(from), self.around(to));
+        if self.hang_together(&begins, &ends) { self.way(&begins, &ends) } else { None }
+    }
+
+    /// The places of the shortest way from any of the first states to any of the last ones.
+    fn way(&mut self, begins: &[State], ends: &[State]) -> Option<Vec<Place>> {
         let goal = ends.first()?.0;
         let left = self.ways_to(goal);
         let slack = 4.0;
@@ -196,10 +210,10 @@ impl<'a, 'c> Turning<'a, 'c> {
         let is_end: Vec<usize> = ends.iter().map(|(cell, heading)| self.state(*cell, *heading)).collect();
         let estimate = |cell: usize| EAGER * (left[cell] - slack).max(0.0);
         for (cell, heading) in begins {
-            let state = self.state(cell, heading);
+            let state = self.state(*cell, *heading);
             // What was reached costs at least 1; 0 is nowhere.
             (tree.cost[state], tree.parent[state]) = (1.0, NOBODY);
-            tree.queue.add(1.0 + estimate(cell), state);
+            tree.queue.add(1.0 + estimate(*cell), state);
         }
         while let Some(state) = tree.queue.next() {
             if std::mem::replace(&mut tree.done[state], true) {
@@ -209,31 +223,33 @@ impl<'a, 'c> Turning<'a, 'c> {
                 return Some(self.places(state, &tree.parent));
             }
             let (cell, heading) = (state / self.headings, state % self.headings);
-            let mut reach =
-                |cell: usize, next: usize, step: f32| tree.reach([state, next], step, estimate(cell));
             let is_any = self.outer.is_open(cell);
             let (neighbours, count) = self.inner.neighbours(cell);
             for next in &neighbours[..count] {
                 let step = self.inner.apart(cell, *next);
-                if self.outer.is_open(*next) {
-                    if !is_any && !self.is_step_free((cell, heading), (*next, heading)) {
-                        continue;
-                    }
-                    reach(*next, *next * self.headings, step);
-                    continue;
-                }
-                let all = if is_any { 0..self.headings } else { heading..heading + 1 };
+                // Where all headings fit there is one state, whatever they are here.
+                let (to_any, all) = (self.outer.is_open(*next), 0..self.headings);
+                let all = if is_any && !to_any { all } else { heading..heading + 1 };
                 for heading in all {
-                    if self.is_free(*next, heading) && self.is_step_free((cell, heading), (*next, heading)) {
-                        reach(*next, *next * self.headings + heading, step);
+                    let states = [state, self.state(*next, heading)];
+                    // What is reached at less cost already needn't be looked at.
+                    if tree.is_better(states, step)
+                        && self.is_free(*next, heading)
+                        && (is_any && to_any || self.is_step_free((cell, heading), (*next, heading)))
+                    {
+                        tree.reach(states, step, estimate(*next));
                     }
                 }
             }
             if !is_any {
                 let turn = self.turn_cost * std::f32::consts::TAU / self.headings as f32;
                 for next in [heading + 1, heading + self.headings - 1].map(|next| next % self.headings) {
-                    if self.is_free(cell, next) && self.is_step_free((cell, heading), (cell, next)) {
-                        reach(cell, cell * self.headings + next, turn);
+                    let states = [state, self.state(cell, next)];
+                    if tree.is_better(states, turn)
+                        && self.is_free(cell, next)
+                        && self.is_step_free((cell, heading), (cell, next))
+                    {
+                        tree.reach(states, turn, estimate(cell));
                     }
                 }
             }

@@ -99,6 +99,49 @@ fn ways_are_as_short_as_the_corners_allow_and_smooth() {
 }
 
 #[test]
+fn of_two_ways_on_different_sides_the_shorter_one_is_taken() {
+    let footprint = Footprint::disc(0.3).unwrap();
+    let mut state = 5_u64;
+    let mut between = |low: f64, high: f64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * (state >> 33) as f64 / (1_u64 << 31) as f64
+    };
+    let mut near = 0;
+    for _ in 0..150 {
+        // A block turned by any angle, and ends on both sides of it; then the same with either side closed.
+        let (middle, angle_rad) =
+            ([between(3.7, 4.3), between(2.7, 3.3)], between(0.0, std::f64::consts::PI));
+        let half = [between(0.3, 1.6), between(0.1, 0.5)];
+        let (sin, cos) = f64::sin_cos(angle_rad);
+        let block = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]]
+            .map(|[x, y]| [x * half[0], y * half[1]])
+            .map(|[x, y]| [middle[0] + cos * x - sin * y, middle[1] + sin * x + cos * y]);
+        let ends = [[between(0.6, 1.6), between(2.4, 3.6), 0.0], [between(6.4, 7.4), between(2.4, 3.6), 0.0]];
+        let length_m = |closed: &[[f64; 2]]| {
+            let mut map = Map::of_room(&[[0.0, 0.0], [8.0, 0.0], [8.0, 6.0], [0.0, 6.0]], 0.05).unwrap();
+            map.block_polygon(&block);
+            if let [low, high] = closed {
+                map.block_polygon(&[
+                    [low[0], low[1]],
+                    [high[0], low[1]],
+                    [high[0], high[1]],
+                    [low[0], high[1]],
+                ]);
+            }
+            let space = Space::new(map);
+            plan(&ask(&space, &footprint, ends)).unwrap().length_m
+        };
+        let [x, y] = middle;
+        let sides = [[[x - 0.01, y], [x + 0.01, 6.0]], [[x - 0.01, 0.0], [x + 0.01, y]]];
+        let sides = sides.map(|side| length_m(&side));
+        let ratio = length_m(&[]) / sides[0].min(sides[1]);
+        near += usize::from((sides[0] / sides[1] - 1.0).abs() < 0.03);
+        assert!(ratio < 1.003, "{ratio} of the shorter of {sides:?} m: {block:?}, {ends:?}");
+    }
+    assert!(near > 15, "{near} with sides that are nearly equal");
+}
+
+#[test]
 fn the_ridge_keeps_to_the_middle() {
     let walls = [[2.0, 0.0, 6.0, 1.5], [2.0, 4.5, 6.0, 6.0]];
     let (space, footprint) = (room(&walls), Footprint::disc(0.3).unwrap());
