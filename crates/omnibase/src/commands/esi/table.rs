@@ -38,10 +38,12 @@ pub fn of(file: &EsiFile, assembly: &Assembly) -> String {
     let commands: Vec<Command> = assembly.commands().into_iter().filter(Command::is_parameter).collect();
     if is_drive {
         table.line("device = \"cia402\"", "its profile is 402; --kinds lists devices that are known better");
-    } else if maps.iter().all(Vec::is_empty) && commands.is_empty() {
+    } else if !maps.iter().all(Vec::is_empty) || !commands.is_empty() {
+        table.line("kind = \"io\"", "its signals are inputs and outputs; `axis` for a drive without a wheel");
+    } else if assembly.problems().next().is_none() {
         table.line("kind = \"ignore\"", "it has no process data: a coupler");
     } else {
-        table.line("kind = \"io\"", "its signals are inputs and outputs; `axis` for a drive without a wheel");
+        table.left_to_fill("kind = \"?\"", "no process data of it can be read");
     }
     identity(
         "vendor_id",
