@@ -245,7 +245,7 @@ enum Member {
 }
 
 /// Everybody in the order of the bus: who is known by position stands there, and who is known by alias or a switch on the
-/// places between, wheels first. Places that nobody is left for aren't there.
+/// places between, wheels first and hot-connect groups last. Places that nobody is left for aren't there.
 fn line(plan: &RobotPlan) -> Vec<Member> {
     let wheels = (0..).map(Member::Wheel).zip(plan.drives.iter().map(|drive| drive.place));
     let beside = (0..).map(Member::Beside).zip(plan.devices.iter().map(|device| device.place));
@@ -257,6 +257,12 @@ fn line(plan: &RobotPlan) -> Vec<Member> {
         }
     }
     fixed.sort_by_key(|(position, _)| *position);
+    // A hot-connect group is plugged in behind those that are always there.
+    let is_optional = |member: &Member| match member {
+        Member::Wheel(_) => false,
+        Member::Beside(number) => plan.devices[*number].group.is_some(),
+    };
+    free.sort_by_key(is_optional);
     let (mut fixed, mut free) = (fixed.into_iter().peekable(), free.into_iter());
     let mut line = Vec::new();
     loop {
@@ -328,6 +334,8 @@ mod tests {
         let beside = Member::Beside;
         let found = line_of(&["position = 5", "position = 0", "position = 2", "alias = 9"]);
         assert_eq!(found, [beside(1), wheel(0), beside(2), wheel(1), wheel(2), beside(0), beside(3)]);
+        let found = line_of(&["alias = 8\ngroup = \"arm\"", "alias = 9", "position = 4"]);
+        assert_eq!(found, [wheel(0), wheel(1), wheel(2), beside(1), beside(2), beside(0)]);
         assert_eq!(line_of(&["position = 3"]), [wheel(0), wheel(1), wheel(2), beside(0)]);
         assert_eq!(line_of(&["position = 7"]), [wheel(0), wheel(1), wheel(2), beside(0)]);
     }
