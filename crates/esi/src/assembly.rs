@@ -2,10 +2,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::dictionary::OdObject;
+use crate::dictionary::{OdObject, type_code, usual_bits};
 use crate::doubt::Doubt;
 use crate::image;
-use crate::model::{Device, InitCommand, Module, Pdo, SlotIndex, Slots, SmUse};
+use crate::model::{Device, InitCommand, Module, Pdo, PdoEntry, SlotIndex, Slots, SmUse};
+use crate::notes::Problem;
 
 /// The object that is told which modules are configured (ETG.5001).
 pub(crate) const CONFIGURED_MODULES: u16 = 0xF030;
@@ -53,6 +54,12 @@ pub enum AssemblyError {
         module: String,
         /// Its class.
         class: String,
+    },
+    /// Where modules go can't be read.
+    #[error("numbers of the slots of {device} can't be read: nobody knows where modules go")]
+    UnclearSlots {
+        /// The device's type.
+        device: String,
     },
     /// A module is to be told to the device and its file doesn't say as what.
     #[error(
@@ -108,6 +115,9 @@ impl<'a> Assembly<'a> {
             return Ok(assembly);
         }
         let Some(slots) = &device.slots else { return Err(AssemblyError::NoSlots { device: name() }) };
+        if slots.is_unclear() {
+            return Err(AssemblyError::UnclearSlots { device: name() });
+        }
         let (most, found) = (places(slots), assembly.modules.len());
         if found > most {
             return Err(AssemblyError::TooMany { device: name(), most, found });
@@ -140,15 +150,15 @@ impl<'a> Assembly<'a> {
         Ok(assembly)
     }
 
-    fn shifted(&self, index: SlotIndex, slot: usize, increment: u16) -> Option<u16> {
+    fn shifted(&self, index: SlotIndex, slot: usize, increment: Option<u16>) -> Option<u16> {
         if !index.depends_on_slot {
             return Some(index.index);
         }
-        let shift = u16::try_from(slot - 1).ok()?.checked_mul(increment)?;
+        let shift = u16::try_from(slot - 1).ok()?.checked_mul(increment?)?;
         index.index.checked_add(shift)
     }
 
-    fn place(&self, index: SlotIndex, slot: usize, increment: u16) -> SlotIndex {
+    fn place(&self, index: SlotIndex, slot: usize, increment: Option<u16>) -> SlotIndex {
         let index = self.shifted(index, slot, increment).unwrap_or(index.index);
         SlotIndex { index, depends_on_slot: false }
     }
@@ -214,9 +224,16 @@ impl<'a> Assembly<'a> {
                 doubts.push(Doubt::Excluded { stays, left_out: index });
                 continue;
             }
-            if pdo.is_unclear() {
-                doubts.push(Doubt::UnclearPdo { pdo: index, line: pdo.line });
-            }
+            let contradicts = |entry: &&PdoEntry| {
+                let usual = type_code(&entry.data_type).map_or(0, usual_bits);
+                !entry.is_unclear && usual != 0 && usual != u32::from(entry.bits)
+            };
+            doubts.extend(pdo.entries.iter().filter(contradicts).map(|entry| Doubt::OtherType {
+                line: pdo.line,
+                index: entry.index.index,
+                bits: entry.bits,
+                data_type: entry.data_type.clone(),
+            }));
             indices.insert(index);
             excludes().for_each(|one| {
                 barred.entry(one).or_insert(index);
@@ -245,7 +262,7 @@ impl<'a> Assembly<'a> {
                 .into_iter()
                 .map(|command| Command { command, source: CommandSource::Device }),
         );
-        let increment = self.device.slots.as_ref().map_or(0, |slots| slots.index_increment);
+        let increment = self.device.slots.as_ref().and_then(|slots| slots.index_increment);
         for (slot, module) in (1..).zip(&self.modules) {
             for command in of(&module.mailbox) {
                 let index = self.place(command.index, slot, increment);
@@ -282,8 +299,11 @@ impl<'a> Assembly<'a> {
     /// The object dictionary, modules' objects with the indices of their slots.
     pub fn objects(&self) -> Vec<OdObject> {
         let mut objects = self.device.dictionary.clone();
-        let increments =
-            self.device.slots.as_ref().map_or((0, 0), |slots| (slots.index_increment, slots.pdo_increment));
+        let increments = self
+            .device
+            .slots
+            .as_ref()
+            .map_or((None, None), |slots| (slots.index_increment, slots.pdo_increment));
         for (slot, module) in (1..).zip(&self.modules) {
             for object in &module.dictionary {
                 let increment = if object.is_pdo() { increments.1 } else { increments.0 };
@@ -305,7 +325,7 @@ impl<'a> Assembly<'a> {
     /// The maker's commands that are longer than the dictionary's type of their object.
     fn too_long(&self) -> Vec<Doubt> {
         let mut doubts = Vec::new();
-        let increment = self.device.slots.as_ref().map_or(0, |slots| slots.index_increment);
+        let increment = self.device.slots.as_ref().and_then(|slots| slots.index_increment);
         for (slot, module) in (1..).zip(&self.modules) {
             for command in
                 module.mailbox.iter().filter_map(|one| one.coe.as_ref()).flat_map(|coe| &coe.commands)
@@ -344,9 +364,16 @@ impl<'a> Assembly<'a> {
         pairs.into_iter().map(|(slots, index)| Doubt::SameIndices { slots, index }).collect()
     }
 
+    /// What of the device and its modules can't be read or contradicts itself.
+    pub fn problems(&self) -> impl Iterator<Item = &Problem> {
+        let of_modules = self.modules.iter().flat_map(|module| &module.problems);
+        self.device.problems.iter().chain(of_modules)
+    }
+
     /// What somebody should look at.
     pub fn doubts(&self) -> Vec<Doubt> {
-        let mut doubts = self.default_pdos(true).1;
+        let mut doubts: Vec<Doubt> = self.problems().cloned().map(Doubt::Unread).collect();
+        doubts.extend(self.default_pdos(true).1);
         doubts.extend(self.default_pdos(false).1);
         let mailboxes = || {
             let of_modules = self.modules.iter().map(|module| &module.mailbox);
@@ -356,8 +383,6 @@ impl<'a> Assembly<'a> {
         if count > 0 {
             doubts.push(Doubt::ForeignCommands { count });
         }
-        let own = mailboxes().filter_map(|mailbox| mailbox.coe.as_ref());
-        doubts.extend(own.flat_map(|coe| &coe.left_out).map(|line| Doubt::UnreadCommand { line: *line }));
         doubts.extend(self.same_indices());
         let says = self.device.eeprom.as_ref().map_or(0, |eeprom| eeprom.byte_size);
         let needs = image::content_bytes(self.device);
@@ -395,7 +420,10 @@ impl Command {
 }
 
 /// Every index of a module, with how far it counts up from slot to slot.
-fn indices_of<'a>(module: &'a Module, slots: &Slots) -> impl Iterator<Item = (SlotIndex, u16)> + use<'a> {
+fn indices_of<'a>(
+    module: &'a Module,
+    slots: &Slots,
+) -> impl Iterator<Item = (SlotIndex, Option<u16>)> + use<'a> {
     let (objects, pdos) = (slots.index_increment, slots.pdo_increment);
     let of_pdos = module.rx_pdos.iter().chain(&module.tx_pdos).flat_map(move |pdo| {
         let own = std::iter::once(pdo.index).chain(pdo.excludes.iter().copied()).map(move |one| (one, pdos));
@@ -412,14 +440,14 @@ fn indices_of<'a>(module: &'a Module, slots: &Slots) -> impl Iterator<Item = (Sl
 
 /// How many modules fit.
 fn places(slots: &Slots) -> usize {
-    slots.slots.iter().map(|slot| slot.most as usize).sum()
+    slots.slots.iter().map(|slot| slot.most.unwrap_or(0) as usize).sum()
 }
 
 /// The kind of a slot, from 1.
 fn kind_of_slot(slots: &Slots, number: usize) -> Option<&crate::model::Slot> {
     let mut before = 0;
     slots.slots.iter().find(|slot| {
-        before += slot.most as usize;
+        before += slot.most.unwrap_or(0) as usize;
         number <= before
     })
 }

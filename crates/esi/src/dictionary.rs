@@ -374,7 +374,7 @@ pub(crate) fn type_code(name: &str) -> Option<u16> {
     })
 }
 
-fn usual_bits(code: u16) -> u32 {
+pub(crate) fn usual_bits(code: u16) -> u32 {
     match code {
         0x01 => 1,
         0x02 | 0x05 | 0x1E | 0x2D => 8,

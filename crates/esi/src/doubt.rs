@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::notes::Problem;
+
 /// What somebody should look at before the device is used as its file says.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Doubt {
@@ -47,17 +49,18 @@ pub enum Doubt {
         /// The PDO or the object that is mapped.
         index: u16,
     },
-    /// Numbers of a PDO can't be read: what it maps isn't known.
-    UnclearPdo {
-        /// The PDO.
-        pdo: u16,
-        /// Its line.
+    /// Something of the device or a module can't be read or contradicts itself.
+    Unread(Problem),
+    /// An entry of a PDO has more or fewer bits than its type.
+    OtherType {
+        /// Line of the PDO.
         line: u32,
-    },
-    /// A command that can't be read whole.
-    UnreadCommand {
-        /// Its line.
-        line: u32,
+        /// Object that is mapped.
+        index: u16,
+        /// Bits of the entry.
+        bits: u8,
+        /// The type.
+        data_type: String,
     },
     /// A command without data.
     NoData {
@@ -134,12 +137,11 @@ impl fmt::Display for Doubt {
                 f,
                 "the modules in slots {one} and {other} both have 0x{index:04X}: the file doesn't tell them apart"
             ),
-            Doubt::UnclearPdo { pdo, line } => {
-                write!(f, "numbers of 0x{pdo:04X} in line {line} can't be read: what it maps isn't known")
-            }
-            Doubt::UnreadCommand { line } => {
-                write!(f, "the command of line {line} can't be read whole: it isn't sent")
-            }
+            Doubt::Unread(problem) => write!(f, "{problem}"),
+            Doubt::OtherType { line, index, bits, data_type } => write!(
+                f,
+                "the PDO of line {line} has 0x{index:04X} with {bits} bits, and says that it is of the type {data_type}: the bits are taken"
+            ),
             Doubt::NoData { line, index } => {
                 write!(f, "the command of line {line} to 0x{index:04X} has no data: it isn't sent")
             }

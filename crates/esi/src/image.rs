@@ -22,6 +22,8 @@ const SM_OP_ONLY: u8 = 1 << 3;
 const IDENTIFICATION_AT_ADDRESS: u8 = 1 << 4;
 
 /// What stands in the EEPROM of the device, whatever modules are in its slots; `vendor_id` is the file's.
+///
+/// A number that can't be read ([`Device::problems`]) is 0 here: no image for an EEPROM.
 pub fn eeprom(device: &Device, vendor_id: u32) -> Image {
     with_modules(&Assembly { device, modules: Vec::new() }, vendor_id)
 }
@@ -82,10 +84,10 @@ fn mailbox_area(device: &Device) -> MailboxArea {
     let find = |usage| device.sync_managers.iter().find(|one| one.usage == usage);
     match (find(SmUse::MailboxOut), find(SmUse::MailboxIn)) {
         (Some(out), Some(into)) => MailboxArea {
-            receive_offset: out.start,
-            receive_size: out.default_size,
-            send_offset: into.start,
-            send_size: into.default_size,
+            receive_offset: out.start.unwrap_or(0),
+            receive_size: out.default_size.unwrap_or(0),
+            send_offset: into.start.unwrap_or(0),
+            send_size: into.default_size.unwrap_or(0),
         },
         _ => MailboxArea::default(),
     }
@@ -222,18 +224,19 @@ fn sync_manager(
         let assigned = pdos.iter().filter(|pdo| pdo.sync_manager == Some(number));
         assigned.map(sii::Pdo::bit_length).sum::<u32>().div_ceil(8).min(0xFFFF) as u16
     };
+    let size = one.default_size.unwrap_or(0);
     let (usage, length) = match one.usage {
-        SmUse::MailboxOut => (SyncManagerUsage::MailboxOut, one.default_size),
-        SmUse::MailboxIn => (SyncManagerUsage::MailboxIn, one.default_size),
+        SmUse::MailboxOut => (SyncManagerUsage::MailboxOut, size),
+        SmUse::MailboxIn => (SyncManagerUsage::MailboxIn, size),
         SmUse::Outputs => (SyncManagerUsage::Outputs, bytes(rx_pdos)),
         SmUse::Inputs => (SyncManagerUsage::Inputs, bytes(tx_pdos)),
-        SmUse::Unused => (SyncManagerUsage::Unused, one.default_size),
+        SmUse::Unused => (SyncManagerUsage::Unused, size),
     };
     let flags = [(one.enabled, sii::SM_ENABLE), (one.is_virtual, SM_VIRTUAL), (one.op_only, SM_OP_ONLY)];
     sii::SyncManager {
-        start: one.start,
+        start: one.start.unwrap_or(0),
         length,
-        control: one.control,
+        control: one.control.unwrap_or(0),
         status: 0,
         enable: flags.iter().filter(|(there, _)| *there).fold(0, |bits, (_, bit)| bits | bit),
         usage,

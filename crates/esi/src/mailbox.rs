@@ -63,7 +63,6 @@ fn coe(element: Element, notes: &mut Notes) -> Coe {
         segmented: element.is("SegmentedSdo", notes),
         diagnosis_history: element.is("DiagHistory", notes),
         commands: Vec::new(),
-        left_out: Vec::new(),
     };
     for child in element.children() {
         match child.name() {
@@ -74,13 +73,7 @@ fn coe(element: Element, notes: &mut Notes) -> Coe {
                 );
                 break;
             }
-            "InitCmd" => {
-                let line = child.line();
-                match command(child, notes) {
-                    Some(command) => coe.commands.push(command),
-                    None => coe.left_out.push(line),
-                }
-            }
+            "InitCmd" => coe.commands.extend(command(child, notes)),
             _ => child.skip(notes),
         }
     }
@@ -91,6 +84,7 @@ fn coe(element: Element, notes: &mut Notes) -> Coe {
 fn command(element: Element, notes: &mut Notes) -> Option<InitCommand> {
     let before = notes.told();
     element.attributes(&["CompleteAccess"], notes);
+    element.at_most_once(&["Index", "SubIndex", "Data"], notes);
     let complete_access = element.is("CompleteAccess", notes);
     let mut command = InitCommand { line: element.line(), complete_access, ..InitCommand::default() };
     let mut data = None;

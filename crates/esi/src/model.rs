@@ -3,6 +3,7 @@
 use omnibase_ethercat_wire::coe::ObjectAddress;
 
 use crate::names::Names;
+use crate::notes::Problem;
 
 pub use crate::dictionary::{ObjectRights, OdEntry, OdObject, OdShape};
 
@@ -64,6 +65,8 @@ pub struct Device {
     pub registers: Vec<(u16, u32)>,
     /// EEPROM.
     pub eeprom: Option<Eeprom>,
+    /// What of it can't be read or contradicts itself.
+    pub problems: Vec<Problem>,
 }
 
 /// Times, ms; `None` where the file gives none.
@@ -114,12 +117,12 @@ pub enum SmUse {
 /// A SyncManager.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SyncManager {
-    /// Where its area starts.
-    pub start: u16,
+    /// Where its area starts; `None`, here and below, where the number can't be read.
+    pub start: Option<u16>,
     /// Its length without other wish, bytes.
-    pub default_size: u16,
+    pub default_size: Option<u16>,
     /// Control byte.
-    pub control: u8,
+    pub control: Option<u8>,
     /// What it is for.
     pub usage: SmUse,
     /// It is to be enabled.
@@ -219,8 +222,6 @@ pub struct Coe {
     pub diagnosis_history: bool,
     /// Commands, in order.
     pub commands: Vec<InitCommand>,
-    /// Lines of commands that can't be read whole: they are no commands.
-    pub left_out: Vec<u32>,
 }
 
 /// An SDO that the maker wants written at the start.
@@ -286,10 +287,10 @@ pub struct Eeprom {
 pub struct Slots {
     /// The list of modules that are configured is written to 0xF030.
     pub download_idents: bool,
-    /// How many objects apart the indices of neighbours are.
-    pub index_increment: u16,
+    /// How many objects apart the indices of neighbours are; `None`, here and below, where the number can't be read.
+    pub index_increment: Option<u16>,
     /// How many PDOs apart.
-    pub pdo_increment: u16,
+    pub pdo_increment: Option<u16>,
     /// Slots, each with how many times and for which modules.
     pub slots: Vec<Slot>,
     /// Groups in which the modules' PDOs stand.
@@ -303,10 +304,10 @@ pub struct Slots {
 pub struct Slot {
     /// Name.
     pub name: Names,
-    /// Least modules.
-    pub least: u32,
+    /// Least modules; `None`, here and below, where the number can't be read.
+    pub least: Option<u32>,
     /// Most modules.
-    pub most: u32,
+    pub most: Option<u32>,
     /// Classes of modules that fit.
     pub classes: Vec<String>,
     /// Modules that fit, by ident.
@@ -347,6 +348,8 @@ pub struct Module {
     pub mailbox: Option<Mailbox>,
     /// Its part of the dictionary.
     pub dictionary: Vec<OdObject>,
+    /// What of it can't be read or contradicts itself.
+    pub problems: Vec<Problem>,
 }
 
 impl Device {
@@ -359,6 +362,16 @@ impl Device {
 /// A number of 32 bits in hexadecimal; a question mark where the file has none that can be read.
 pub fn number(number: Option<u32>) -> String {
     number.map_or("?".to_owned(), |number| format!("0x{number:08x}"))
+}
+
+impl Slots {
+    /// Whether a number is missing that says where modules go.
+    pub fn is_unclear(&self) -> bool {
+        let counts = self.slots.iter().map(|slot| slot.most);
+        counts
+            .chain([self.index_increment.map(u32::from), self.pdo_increment.map(u32::from)])
+            .any(|one| one.is_none())
+    }
 }
 
 impl PdoEntry {

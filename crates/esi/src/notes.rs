@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use crate::xml::Element;
+
 /// Distinct paths that are kept of elements without meaning; more are counted.
 const PATH_LIMIT: usize = 1000;
 /// Problems that are kept; more are counted.
@@ -79,6 +81,17 @@ impl Notes {
                 self.unread.insert((why, path), (line(), 1));
             }
         }
+    }
+
+    /// Problems in `element` that were told since [`Notes::told`] gave `before`; those of which no note was kept are counted.
+    pub(crate) fn since(&self, before: u32, element: Element) -> Vec<Problem> {
+        let mut problems: Vec<Problem> = self.problems.iter().skip(before as usize).cloned().collect();
+        let beyond = (self.told - before) as usize - problems.len();
+        if beyond > 0 {
+            let text = format!("{beyond} problems of which there was no room to keep a note");
+            problems.push(Problem { path: element.path(), line: element.line(), text });
+        }
+        problems
     }
 
     /// How many problems were told until now: more than before where something that was read meanwhile is wrong.

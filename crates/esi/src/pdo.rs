@@ -37,6 +37,7 @@ pub(crate) fn add(element: Element, pdos: &mut Vec<Pdo>, notes: &mut Notes) {
 /// A PDO; `None` where it has no index.
 fn read(element: Element, notes: &mut Notes) -> Option<Pdo> {
     element.attributes(&["Sm", "Fixed", "Mandatory", "Virtual"], notes);
+    element.at_most_once(&["Index"], notes);
     let sync_manager = element.attribute_number("Sm", 0..=31, notes).map(|number| number as u8);
     let mut pdo = Pdo {
         line: element.line(),
@@ -75,6 +76,10 @@ fn read(element: Element, notes: &mut Notes) -> Option<Pdo> {
 fn entry(element: Element, notes: &mut Notes) -> PdoEntry {
     element.attributes(&[], notes);
     let (mut entry, before) = (PdoEntry::default(), notes.told());
+    element.at_most_once(&["Index", "SubIndex", "BitLen", "DataType"], notes);
+    if element.child("Index").is_none() {
+        element.problem("the entry has no index; a gap has 0", notes);
+    }
     for child in element.children() {
         match child.name() {
             "Index" => entry.index = slot_index(child, notes),

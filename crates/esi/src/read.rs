@@ -13,6 +13,18 @@ const TIME_LIMIT_MS: i64 = 3_600_000;
 const CONFIG_DATA_LIMIT: usize = 256;
 /// Largest EEPROM, bytes: 4 MBit.
 const EEPROM_LIMIT: i64 = 1 << 19;
+/// Elements of times.
+const TIMES: [&str; 6] = [
+    "PreopTimeout",
+    "SafeopOpTimeout",
+    "BackToInitTimeout",
+    "BackToSafeopTimeout",
+    "RequestTimeout",
+    "ResponseTimeout",
+];
+/// Elements of a mode of synchronisation.
+const CLOCKS: [&str; 5] =
+    ["AssignActivate", "CycleTimeSync0", "CycleTimeSync1", "ShiftTimeSync0", "ShiftTimeSync1"];
 /// Registers that a file may want written (ETG.2000, element `ESC`).
 const REGISTERS: [(&str, u16); 5] =
     [("Reg0108", 0x0108), ("Reg0400", 0x0400), ("Reg0410", 0x0410), ("Reg0420", 0x0420), ("Reg0204", 0x0204)];
@@ -33,7 +45,9 @@ pub(crate) fn group(element: Element, notes: &mut Notes) -> (String, String) {
 
 /// A device.
 pub(crate) fn device(element: Element, notes: &mut Notes) -> Device {
+    let before = notes.told();
     element.attributes(&["Physics"], notes);
+    element.at_most_once(&["Type", "Info", "Mailbox", "Dc", "Slots", "ESC", "Eeprom"], notes);
     let mut device = Device {
         line: element.line(),
         ports: short(element.attribute("Physics").unwrap_or_default().to_owned()),
@@ -48,6 +62,7 @@ pub(crate) fn device(element: Element, notes: &mut Notes) -> Device {
     if device.revision.is_none() {
         element.problem("the device has no revision: nobody can tell it from older ones", notes);
     }
+    device.problems = notes.since(before, element);
     device
 }
 
@@ -136,6 +151,7 @@ fn timeouts(element: Element, times: &mut Timeouts, notes: &mut Notes) {
 }
 
 fn timeouts_of(element: Element, times: &mut Timeouts, notes: &mut Notes) {
+    element.at_most_once(&TIMES, notes);
     for child in element.children() {
         let place = match child.name() {
             "PreopTimeout" => &mut times.pre_op_ms,
@@ -171,15 +187,19 @@ fn fmmu(element: Element, notes: &mut Notes) -> FmmuUse {
 fn sync_manager(element: Element, notes: &mut Notes) -> SyncManager {
     let read = ["StartAddress", "DefaultSize", "ControlByte", "Enable", "Virtual", "OpOnly"];
     element.attributes(&read, notes);
-    let mut number = |name, most| element.attribute_number(name, 0..=most, notes);
-    let (start, size) = (number("StartAddress", 0xFFFF), number("DefaultSize", 0xFFFF));
-    let control = number("ControlByte", 0xFF).unwrap_or(0) as u8;
+    if element.attribute("StartAddress").is_none() {
+        element.problem("the SyncManager has no StartAddress", notes);
+    }
+    let start = element.attribute_number("StartAddress", 0..=0xFFFF, notes).map(|start| start as u16);
+    let size = element.attribute_number_or("DefaultSize", 0, 0..=0xFFFF, notes).map(|size| size as u16);
+    let control = element.attribute_number_or("ControlByte", 0, 0..=0xFF, notes).map(|control| control as u8);
     // By their bits where the file doesn't say it: mode (2 is a mailbox) and direction (1 is from the MainDevice).
-    let by_control = match (control & 3, control >> 2 & 3) {
-        (2, 1) => SmUse::MailboxOut,
-        (2, 0) => SmUse::MailboxIn,
-        (_, 1) => SmUse::Outputs,
-        _ => SmUse::Inputs,
+    let by_control = match control.map(|control| (control & 3, control >> 2 & 3)) {
+        Some((2, 1)) => SmUse::MailboxOut,
+        Some((2, 0)) => SmUse::MailboxIn,
+        Some((_, 1)) => SmUse::Outputs,
+        Some(_) => SmUse::Inputs,
+        None => SmUse::Unused,
     };
     let usage = match element.text().as_str() {
         "MBoxOut" => SmUse::MailboxOut,
@@ -193,9 +213,6 @@ fn sync_manager(element: Element, notes: &mut Notes) -> SyncManager {
             SmUse::Unused
         }
     };
-    if start.is_none() {
-        element.problem("the SyncManager has no StartAddress", notes);
-    }
     // `Enable` is a number: bit 0 on, bit 1 fixed content, bit 2 virtual, bit 3 in OP alone.
     let enable = match element.attribute("Enable").map(str::trim) {
         Some("true") => 1,
@@ -203,8 +220,8 @@ fn sync_manager(element: Element, notes: &mut Notes) -> SyncManager {
         _ => element.attribute_number("Enable", 0..=0xFF, notes).unwrap_or(0),
     };
     SyncManager {
-        start: start.unwrap_or(0) as u16,
-        default_size: size.unwrap_or(0) as u16,
+        start,
+        default_size: size,
         control,
         usage,
         enabled: enable & 1 != 0,
@@ -221,6 +238,7 @@ fn clocks(element: Element, device: &mut Device, notes: &mut Notes) {
             continue;
         }
         let (mut read, before) = (model::DcMode::default(), notes.told());
+        mode.at_most_once(&CLOCKS, notes);
         for child in mode.children() {
             match child.name() {
                 "Name" => read.name = short(child.text()),
@@ -260,6 +278,7 @@ fn registers(element: Element, device: &mut Device, notes: &mut Notes) {
 
 fn eeprom(element: Element, notes: &mut Notes) -> Eeprom {
     let mut eeprom = Eeprom::default();
+    element.at_most_once(&["ByteSize", "ConfigData", "BootStrap"], notes);
     for child in element.children() {
         match child.name() {
             "ByteSize" => eeprom.byte_size = child.number(0..=EEPROM_LIMIT, notes).unwrap_or(0) as u32,

@@ -13,7 +13,8 @@ const SLOT_LIMIT: i64 = 4096;
 pub(crate) fn read(element: Element, notes: &mut Notes) -> Slots {
     let read = ["DownloadModuleIdentList", "DownloadModuleList", "SlotIndexIncrement", "SlotPdoIncrement"];
     element.attributes(&read, notes);
-    let mut increment = |name| element.attribute_number(name, 0..=0x1000, notes).unwrap_or(0) as u16;
+    let mut increment =
+        |name| element.attribute_number_or(name, 0, 0..=0x1000, notes).map(|number| number as u16);
     let (index_increment, pdo_increment) = (increment("SlotIndexIncrement"), increment("SlotPdoIncrement"));
     let mut slots = Slots {
         download_idents: element.is("DownloadModuleIdentList", notes)
@@ -43,9 +44,19 @@ pub(crate) fn read(element: Element, notes: &mut Notes) -> Slots {
 
 fn slot(element: Element, notes: &mut Notes) -> Slot {
     element.attributes(&["MinInstances", "MaxInstances"], notes);
-    let mut number = |name| element.attribute_number(name, 0..=SLOT_LIMIT, notes).map(|number| number as u32);
-    let (least, most) = (number("MinInstances"), number("MaxInstances"));
-    let mut slot = Slot { least: least.unwrap_or(0), most: most.unwrap_or(1), ..Slot::default() };
+    let mut number = |name, absent| {
+        element.attribute_number_or(name, absent, 0..=SLOT_LIMIT, notes).map(|number| number as u32)
+    };
+    let (least, most) = (number("MinInstances", 0), number("MaxInstances", 1));
+    if let (Some(least), Some(most)) = (least, most)
+        && least > most
+    {
+        let text = format!(
+            "at least {least} modules are to be there (MinInstances), and at most {most} (MaxInstances)"
+        );
+        element.problem(text, notes);
+    }
+    let mut slot = Slot { least, most, ..Slot::default() };
     for child in element.children() {
         match child.name() {
             "Name" => name(child, &mut slot.name, notes),
@@ -82,7 +93,9 @@ pub(crate) fn modules(element: Element, notes: &mut Notes) -> Vec<Module> {
 }
 
 fn module(element: Element, notes: &mut Notes) -> Module {
+    let before = notes.told();
     element.attributes(&[], notes);
+    element.at_most_once(&["Type", "Mailbox"], notes);
     let mut module = Module { line: element.line(), ..Module::default() };
     let mut profiles = Vec::new();
     for child in element.children() {
@@ -106,5 +119,6 @@ fn module(element: Element, notes: &mut Notes) -> Module {
     if module.ident.is_none() {
         element.problem("the module has no ModuleIdent: it can't be told to the device", notes);
     }
+    module.problems = notes.since(before, element);
     module
 }

@@ -104,7 +104,7 @@ impl<'a, 'input> Element<'a, 'input> {
         self.lines.at(self.node.range().start)
     }
 
-    fn path(self) -> String {
+    pub fn path(self) -> String {
         let mut names: Vec<&str> =
             self.node.ancestors().filter(Node::is_element).map(|one| one.tag_name().name()).collect();
         names.reverse();
@@ -176,6 +176,30 @@ impl<'a, 'input> Element<'a, 'input> {
         notes: &mut Notes,
     ) -> Option<i64> {
         self.attribute(name).and_then(|text| self.number_of(text, name, limits, notes))
+    }
+
+    /// The same, `absent` where the attribute isn't there: `None` is one that can't be read.
+    pub fn attribute_number_or(
+        self,
+        name: &str,
+        absent: i64,
+        limits: std::ops::RangeInclusive<i64>,
+        notes: &mut Notes,
+    ) -> Option<i64> {
+        self.attribute(name).map_or(Some(absent), |text| self.number_of(text, name, limits, notes))
+    }
+
+    /// Notes children of these names that stand there more than once: one of them is wrong.
+    pub fn at_most_once(self, names: &[&str], notes: &mut Notes) {
+        let mut seen = Vec::new();
+        for child in self.children() {
+            let name = child.name();
+            if seen.contains(&name) {
+                child.problem("it stands there more than once: nobody knows which is meant", notes);
+            } else if names.contains(&name) {
+                seen.push(name);
+            }
+        }
     }
 
     fn number_of(

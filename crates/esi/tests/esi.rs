@@ -219,9 +219,34 @@ fn a_number_that_cannot_be_read_is_never_a_fact() {
     {
         let file = with_device(&entry(&wrong));
         assert!(file.devices[0].rx_pdos[0].is_unclear() && !file.notes.problems.is_empty(), "{wrong}");
-        let told = "numbers of 0x1600 in line 3 can't be read: what it maps isn't known";
-        assert_eq!(doubts(&file), [told], "{wrong}");
+        // Nobody has to look for it in the other lines.
+        let told: Vec<String> = file.notes.problems.iter().map(ToString::to_string).collect();
+        assert_eq!(doubts(&file), told, "{wrong}");
     }
+    // Whatever it is: told with the device whose it is.
+    for wrong in [
+        "<RxPdo Sm=\"0\"><Index>x</Index></RxPdo>",
+        "<Info><StateMachine><Timeout><PreopTimeout>-3</PreopTimeout></Timeout></StateMachine></Info>",
+        "<Mailbox><CoE><InitCmd><Transition>PS</Transition><Index>x</Index></InitCmd></CoE></Mailbox>",
+        "<Eeprom><ByteSize>-1</ByteSize></Eeprom>",
+        "<Slots SlotPdoIncrement=\"-1\"/>",
+    ] {
+        let file = with_device(wrong);
+        let problems = &file.devices[0].problems;
+        assert!(!problems.is_empty() && *problems == file.notes.problems, "{wrong}");
+        assert_eq!(doubts(&file), problems.iter().map(ToString::to_string).collect::<Vec<_>>(), "{wrong}");
+    }
+    let managers = |attributes: &str| with_device(&format!("<Sm {attributes}/>")).devices[0].sync_managers[1];
+    let manager = managers("StartAddress=\"-4\" DefaultSize=\"-128\" ControlByte=\"zz\"");
+    assert_eq!((manager.start, manager.default_size, manager.control), (None, None, None));
+    assert_eq!(manager.usage, SmUse::Unused);
+    let manager = managers("StartAddress=\"#x1800\"");
+    assert_eq!((manager.start, manager.default_size, manager.control), (Some(0x1800), Some(0), Some(0)));
+    let file =
+        EsiFile::parse(MADE_UP.replace("SlotPdoIncrement=\"1\"", "SlotPdoIncrement=\"-1\"").as_bytes())
+            .unwrap();
+    let refusal = Assembly::new(&file.devices[2], vec![&file.modules[0]]).unwrap_err();
+    assert!(matches!(refusal, AssemblyError::UnclearSlots { .. }), "{refusal}");
     let mode = |activate: &str| {
         let file =
             with_device(&format!("<Dc><OpMode><AssignActivate>{activate}</AssignActivate></OpMode></Dc>"));
@@ -243,6 +268,55 @@ fn a_number_that_cannot_be_read_is_never_a_fact() {
     let file = EsiFile::parse(made_up.as_bytes()).unwrap();
     let refusal = Assembly::new(&file.devices[2], vec![&file.modules[0]]).unwrap_err();
     assert!(matches!(refusal, AssemblyError::NoIdent { slot: 1, .. }), "{refusal}");
+}
+
+/// Which of both is right nobody knows; no other file is needed to see it.
+#[test]
+fn what_contradicts_itself_is_told() {
+    let entry = |text: &str| format!("<RxPdo Sm=\"0\"><Index>#x1600</Index><Entry>{text}</Entry></RxPdo>");
+    let object = "<Index>#x7000</Index><SubIndex>1</SubIndex>";
+    let entry_path = "line 3: EtherCATInfo/Descriptions/Devices/Device/RxPdo/Entry";
+    let twice = "it stands there more than once: nobody knows which is meant";
+    for (text, told) in [
+        (entry(&format!("{object}<BitLen>16</BitLen><BitLen>8</BitLen>")), format!("{entry_path}/BitLen: {twice}")),
+        (entry("<SubIndex>1</SubIndex><BitLen>16</BitLen>"), format!("{entry_path}: the entry has no index; a gap has 0")),
+        (
+            "<Slots><Slot MinInstances=\"5\" MaxInstances=\"1\"/></Slots>".to_owned(),
+            "line 3: EtherCATInfo/Descriptions/Devices/Device/Slots/Slot: at least 5 modules are to be there (MinInstances), and at most 1 (MaxInstances)".to_owned(),
+        ),
+        (
+            "<Mailbox/><Mailbox/>".to_owned(),
+            format!("line 3: EtherCATInfo/Descriptions/Devices/Device/Mailbox: {twice}"),
+        ),
+    ] {
+        let file = with_device(&text);
+        assert_eq!(doubts(&file), [told.clone()], "{text}");
+        assert_eq!(file.notes.problems.len(), 1, "{text}");
+    }
+    let of_type = |bits: u8, kind: &str| {
+        doubts(&with_device(&entry(&format!("{object}<BitLen>{bits}</BitLen><DataType>{kind}</DataType>"))))
+    };
+    let told =
+        "the PDO of line 3 has 0x7000 with 8 bits, and says that it is of the type UDINT: the bits are taken";
+    assert_eq!(of_type(8, "UDINT"), [told]);
+    // A type of the maker's own has any length.
+    for (bits, kind) in [(32, "UDINT"), (1, "BOOL"), (8, "DT1600")] {
+        assert_eq!(of_type(bits, kind), Vec::<String>::new(), "{bits} {kind}");
+    }
+}
+
+/// A device late in a file of many problems isn't taken for a sound one.
+#[test]
+fn problems_of_which_no_note_is_kept_count_for_their_device() {
+    let wrong = "<Device><Type ProductCode=\"x\" RevisionNo=\"3\">B</Type></Device>\n".repeat(1001);
+    let text = format!(
+        "<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices>\n{wrong}</Devices></Descriptions></EtherCATInfo>"
+    );
+    let file = EsiFile::parse(text.as_bytes()).unwrap();
+    assert_eq!(file.notes.problems.len(), 1000);
+    let last = file.devices.last().unwrap().problems.iter().map(ToString::to_string).collect::<Vec<_>>();
+    let told = "line 1002: EtherCATInfo/Descriptions/Devices/Device: 2 problems of which there was no room to keep a note";
+    assert_eq!(last, [told]);
 }
 
 #[test]

@@ -35,6 +35,7 @@ mod segment;
 mod sii_json;
 mod target;
 mod terminal;
+mod to_the_end;
 mod token;
 mod value;
 

@@ -67,23 +67,26 @@ pub fn robot(plan: &RobotPlan) -> Result<Simulated, SimulationError> {
     let in_words = |error: &dyn std::fmt::Display| SimulationError(error.to_string());
     let RobotSim { sub_devices, machine } =
         RobotSim::new(&description(plan)).map_err(|error| in_words(&error))?;
-    let mut places: Vec<(u32, SubDevice)> =
-        order(plan).into_iter().map(|wheel| sort_key(plan.drives[wheel].place)).zip(sub_devices).collect();
-    let (mut panels, mut axes) = (Vec::new(), Vec::new());
+    let (mut panels, mut axes, mut beside) = (Vec::new(), Vec::new(), Vec::new());
     for (number, device) in plan.devices.iter().enumerate() {
         if let Some(axis) = &device.axis {
             let (sub_device, slide) = axis::drive(device, axis, number);
-            places.push((sort_key(device.place), sub_device));
+            beside.push(Some(sub_device));
             axes.push(slide);
             panels.push(IoPanel::default());
             continue;
         }
         let generic = beside::terminal(device, number).map_err(|error| in_words(&error))?;
         panels.push(generic.panel);
-        places.push((sort_key(device.place), generic.sub_device));
+        beside.push(Some(generic.sub_device));
     }
-    places.sort_by_key(|(place, _)| *place);
-    let line = places.into_iter().map(|(_, sub_device)| sub_device).collect();
+    // The drives come in the order in which they stand there.
+    let mut drives = sub_devices.into_iter();
+    let of = |member| match member {
+        Member::Wheel(_) => drives.next(),
+        Member::Beside(number) => beside[number].take(),
+    };
+    let line: Vec<SubDevice> = line(plan).into_iter().filter_map(of).collect();
     let segment = Segment::line(line).map_err(|error| in_words(&error))?;
     Ok(Simulated { segment, machine, panels, axes })
 }
@@ -232,19 +235,42 @@ fn motor(table: &SimulationTable, drive: &DrivePlan) -> MotorParameters {
     }
 }
 
-/// Positions in their order; those known by alias stand behind them.
-fn sort_key(place: BusPlace) -> u32 {
-    match place {
-        BusPlace::Position(position) => u32::from(position),
-        BusPlace::Alias(_) | BusPlace::Identification(_) => u32::MAX,
-    }
+/// Who stands on the simulated bus.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Member {
+    /// The drive of a wheel.
+    Wheel(usize),
+    /// A SubDevice without a wheel, by its number in the robot's file.
+    Beside(usize),
 }
 
-/// The wheels in the order of their drives on the bus.
-fn order(plan: &RobotPlan) -> Vec<usize> {
-    let mut order: Vec<usize> = (0..plan.drives.len()).collect();
-    order.sort_by_key(|&wheel| sort_key(plan.drives[wheel].place));
-    order
+/// Everybody in the order of the bus: who is known by position stands there, and who is known by alias or a switch on the
+/// places between, wheels first and hot-connect groups last. Places that nobody is left for aren't there.
+fn line(plan: &RobotPlan) -> Vec<Member> {
+    let wheels = (0..).map(Member::Wheel).zip(plan.drives.iter().map(|drive| drive.place));
+    let beside = (0..).map(Member::Beside).zip(plan.devices.iter().map(|device| device.place));
+    let (mut fixed, mut free) = (Vec::new(), Vec::new());
+    for (member, place) in wheels.chain(beside) {
+        match place {
+            BusPlace::Position(position) => fixed.push((usize::from(position), member)),
+            BusPlace::Alias(_) | BusPlace::Identification(_) => free.push(member),
+        }
+    }
+    fixed.sort_by_key(|(position, _)| *position);
+    // A hot-connect group is plugged in behind those that are always there.
+    let is_optional = |member: &Member| match member {
+        Member::Wheel(_) => false,
+        Member::Beside(number) => plan.devices[*number].group.is_some(),
+    };
+    free.sort_by_key(is_optional);
+    let (mut fixed, mut free) = (fixed.into_iter().peekable(), free.into_iter());
+    let mut line = Vec::new();
+    loop {
+        let here = fixed.next_if(|(position, _)| *position <= line.len()).map(|(_, member)| member);
+        let next = here.or_else(|| free.next()).or_else(|| fixed.next().map(|(_, member)| member));
+        let Some(member) = next else { return line };
+        line.push(member);
+    }
 }
 
 /// Indices that the standard leaves to makers (ETG.1000.6, object dictionary): a simulated drive takes what the file writes there.
@@ -274,7 +300,11 @@ fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
         }
         station
     };
-    order(plan).into_iter().map(station).collect()
+    let wheel = |member| match member {
+        Member::Wheel(wheel) => Some(wheel),
+        Member::Beside(_) => None,
+    };
+    line(plan).into_iter().filter_map(wheel).map(station).collect()
 }
 
 #[cfg(test)]
@@ -282,6 +312,33 @@ mod tests {
     use super::*;
     use omnibase_robot::devices::Cia402Device;
     use omnibase_robot::registry::{Kind, Registry};
+
+    /// Devices by position before, between and behind drives by alias, and a gap that nobody is left for.
+    #[test]
+    fn who_is_known_by_position_stands_there() {
+        let bmm = include_str!("../../../robots/bmm.toml");
+        let device = |number: usize, place: &str| {
+            format!("[[device]]\nname = \"d{number}\"\nkind = \"ignore\"\n{place}\n")
+        };
+        let line_of = |places: &[&str]| {
+            let devices: String = (0..).zip(places).map(|(number, place)| device(number, place)).collect();
+            let text = bmm
+                .replace("position = ", "alias = 10")
+                .replace("[platform]", &format!("{devices}\n[platform]"));
+            let plan = RobotPlan::from_toml(&text, &Registry::with_built_in(), &|name| Err(name.to_owned()))
+                .unwrap();
+            assert!(plan.drives.iter().all(|drive| matches!(drive.place, BusPlace::Alias(_))));
+            line(&plan)
+        };
+        let wheel = Member::Wheel;
+        let beside = Member::Beside;
+        let found = line_of(&["position = 5", "position = 0", "position = 2", "alias = 9"]);
+        assert_eq!(found, [beside(1), wheel(0), beside(2), wheel(1), wheel(2), beside(0), beside(3)]);
+        let found = line_of(&["alias = 8\ngroup = \"arm\"", "alias = 9", "position = 4"]);
+        assert_eq!(found, [wheel(0), wheel(1), wheel(2), beside(1), beside(2), beside(0)]);
+        assert_eq!(line_of(&["position = 3"]), [wheel(0), wheel(1), wheel(2), beside(0)]);
+        assert_eq!(line_of(&["position = 7"]), [wheel(0), wheel(1), wheel(2), beside(0)]);
+    }
 
     #[test]
     fn a_users_device_is_simulated_as_the_drive_that_it_expects() {

@@ -9,7 +9,7 @@ use crate::SubDevice;
 use crate::dictionary::{Access, DataType, Entry, Object};
 use crate::segment_file::EsiDevice;
 use omnibase_esi::model::{ObjectRights, OdEntry, OdObject, OdShape, SlotIndex};
-use omnibase_esi::{Assembly, Command, Doubt, EsiFile, image};
+use omnibase_esi::{Assembly, Command, EsiFile, image};
 use omnibase_ethercat_wire::coe::ObjectAddress;
 use std::path::Path;
 
@@ -48,9 +48,8 @@ pub(crate) fn build(
     };
     let modules = wanted.modules.iter().map(module).collect::<Result<Vec<_>, String>>()?;
     let assembly = Assembly::new(device, modules).map_err(|error| error.to_string())?;
-    let unclear = assembly.doubts().into_iter().find(|doubt| matches!(doubt, Doubt::UnclearPdo { .. }));
-    if let Some(doubt) = unclear {
-        return Err(format!("{}: {doubt}", device.type_name));
+    if let Some(problem) = assembly.problems().next() {
+        return Err(format!("{}: {problem}", device.type_name));
     }
     let (servo, load) = match &wanted.servo {
         Some(_) if !is_drive(&assembly) => {

@@ -1,17 +1,22 @@
 //! `omnibase eeprom`: a SubDevice's EEPROM read, written, and given an alias.
 
 use crate::new_file;
-use crate::progress::note;
+use crate::progress::{note, warn};
 use crate::target::{AnyBus, Manners, Port, Target};
+use crate::to_the_end::to_the_end;
 use crate::{Outcome, commands};
 use anyhow::{Context, ensure};
-use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::eeprom::{MAX_BYTES, with_checksum};
 use omnibase_ethercat::wire::AlState;
-use omnibase_ethercat::wire::sii::Image;
+use omnibase_ethercat::wire::sii::{self, Image};
+use omnibase_ethercat::{SetUpError, SubDevice};
 use std::io::Write;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::time::{SystemTime, UNIX_EPOCH};
+
+/// Bytes of the word with the checksum.
+const CHECKSUM: Range<usize> = 14..16;
 
 /// Reads or writes the EEPROM (SII) of one SubDevice, or gives it an alias.
 #[derive(Debug, clap::Args)]
@@ -48,9 +53,10 @@ struct ReadArguments {
   omnibase eeprom write eth1 2 drive.bin --backup before.bin
 
 Refused where a robot runs, where a SubDevice is in SAFE-OP or OP, and where the image is for another product
-(--other-product). The checksum is spoiled first and set right last: an EEPROM that was left half-written says so itself, to
-every MainDevice and to the chip; the same command, or the backup, makes it whole again. What was written counts from
-the next power-on.")]
+(--other-product), is that of an erased EEPROM, has more bytes than the device's EEPROM, or has an alias that another
+SubDevice has. Another revision, and a serial number that another SubDevice has, are told. The checksum is spoiled first and set right last: an EEPROM that was left half-written says so itself, to
+every MainDevice and to the chip; the same command, or the backup, makes it whole again. A first Ctrl-C waits for the end.
+What was written counts from the next power-on.")]
 struct WriteArguments {
     #[command(flatten)]
     place: Place,
@@ -113,6 +119,10 @@ fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Out
 fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let path = arguments.file.display();
     let image = std::fs::read(&arguments.file).with_context(|| format!("reading `{path}`"))?;
+    ensure!(
+        !is_blank(&image),
+        "`{path}` is the image of an erased EEPROM, which has nothing to be known by: not written"
+    );
     // Whatever the file says of it.
     let image = with_checksum(image);
     let (parsed, problems) = Image::parse(&image).with_context(|| format!("reading `{path}`"))?;
@@ -148,6 +158,22 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
         wanted.vendor_id,
         wanted.product_code
     );
+    ensure_alias_is_free(&bus, position, parsed.header.alias)?;
+    let one = bus.subdevice(position)?;
+    if found.revision != wanted.revision {
+        warn(format_args!(
+            "SubDevice {position} ({}) is revision 0x{:08x}, `{path}` is for revision 0x{:08x}",
+            one.name, found.revision, wanted.revision
+        ));
+    }
+    for other in others(&bus, position) {
+        if wanted.serial != 0 && other.identity == wanted {
+            warn(format_args!(
+                "serial number {} of `{path}` belongs to SubDevice {} ({}) already: nobody can tell them apart by it",
+                wanted.serial, other.position, other.name
+            ));
+        }
+    }
     write_checked(&mut bus, position, image, arguments.backup.as_deref(), output)
 }
 
@@ -155,23 +181,41 @@ fn alias(arguments: &AliasArguments, output: &mut dyn Write) -> anyhow::Result<O
     let Place { position, .. } = arguments.place;
     check_backup(arguments.backup.as_deref())?;
     let mut bus = arguments.place.open()?;
-    let others: Vec<u16> = bus
-        .subdevices()
-        .iter()
-        .filter(|one| one.position != position && one.alias == Some(arguments.alias))
-        .map(|one| one.position)
-        .collect();
-    ensure!(
-        arguments.alias == 0 || others.is_empty(),
-        "alias {} belongs to SubDevice {others:?} already: none could be found by it; not written",
-        arguments.alias
-    );
+    ensure_alias_is_free(&bus, position, arguments.alias)?;
     let image = bus.sii_with_alias(position, arguments.alias)?.with_context(|| {
         format!(
             "SubDevice {position}: the checksum of its EEPROM is wrong: only the whole can be written (`omnibase eeprom write`)"
         )
     })?;
     write_checked(&mut bus, position, image, arguments.backup.as_deref(), output)
+}
+
+/// Whether the fixed part of an image is nothing but ones or zeros, whatever its checksum.
+fn is_blank(image: &[u8]) -> bool {
+    let fixed = image.iter().take(sii::HEADER).enumerate().filter(|(at, _)| !CHECKSUM.contains(at));
+    fixed.clone().all(|(_, byte)| *byte == 0xFF) || fixed.clone().all(|(_, byte)| *byte == 0)
+}
+
+/// The size of an EEPROM that was read beyond its end, bytes, where the chip doesn't refuse that and begins anew.
+fn comes_again(read: &[u8]) -> Option<usize> {
+    let fixed = read.get(..sii::HEADER).filter(|fixed| !is_blank(fixed))?;
+    let sizes = std::iter::successors(Some(sii::HEADER), |size| Some(2 * size));
+    sizes.take_while(|size| size + sii::HEADER <= read.len()).find(|&size| read[size..].starts_with(fixed))
+}
+
+fn others(bus: &AnyBus, position: u16) -> impl Iterator<Item = &SubDevice> {
+    bus.subdevices().iter().filter(move |one| one.position != position)
+}
+
+/// Refuses an alias that another SubDevice has, or will have from its next power-on.
+fn ensure_alias_is_free(bus: &AnyBus, position: u16, alias: u16) -> anyhow::Result<()> {
+    let has = |one: &&SubDevice| one.alias == Some(alias) || one.sii.header.alias == alias;
+    let owners: Vec<u16> = others(bus, position).filter(has).map(|one| one.position).collect();
+    ensure!(
+        alias == 0 || owners.is_empty(),
+        "alias {alias} belongs to SubDevice {owners:?} already: none could be found by it; not written"
+    );
+    Ok(())
 }
 
 /// Whether the backup can be written where it is wanted, before anybody is taken to INIT for it.
@@ -189,21 +233,40 @@ fn write_checked(
 ) -> anyhow::Result<Outcome> {
     let image = with_checksum(image);
     // An EEPROM that announces no size that is true is kept as far as it is written over.
-    let before = match bus.read_sii(position) {
-        Ok(before) => before,
-        Err(SetUpError::Eeprom(_)) => bus.read_sii_first(position, image.len())?,
+    let announced = match bus.read_sii(position) {
+        Ok(announced) => Some(announced),
+        Err(SetUpError::Eeprom(_)) => None,
         Err(error) => return Err(error.into()),
     };
+    let (bytes, says) = (image.len(), announced.as_ref().map_or(0, Vec::len));
+    let is_valid = announced.as_ref().is_some_and(|content| *content == with_checksum(content.clone()));
+    // No size at all is announced as that of the fixed part.
+    ensure!(
+        bytes <= says || !is_valid || says <= sii::HEADER,
+        "the image has {bytes} bytes, the EEPROM of SubDevice {position} has {says}: not written"
+    );
+    let before = match announced.filter(|_| bytes <= says) {
+        Some(announced) => announced,
+        None => bus.read_sii_first(position, bytes).with_context(|| {
+            format!("the image has {bytes} bytes, so much can't be read of SubDevice {position}: not written")
+        })?,
+    };
+    if let Some(size) = comes_again(&before[..before.len().min(bytes)]) {
+        anyhow::bail!(
+            "the image has {bytes} bytes, the EEPROM of SubDevice {position} {size}: it begins anew behind these; not written"
+        );
+    }
     if before.get(..image.len()) == Some(&image[..]) {
         writeln!(output, "SubDevice {position}: its EEPROM holds exactly that; nothing was written")?;
         return Ok(Outcome::Done);
     }
     let backup = backup.map_or_else(|| default_backup(position), Path::to_path_buf);
-    new_file::write(&backup, &before)?;
-    note(format_args!("the present content is in {}", backup.display()));
-    let words = bus
-        .write_sii(position, &before, &image)
-        .with_context(|| format!("the backup is {}", backup.display()))?;
+    let words = to_the_end("an EEPROM that is half-written", || {
+        new_file::write(&backup, &before)?;
+        note(format_args!("the present content is in {}", backup.display()));
+        let words = bus.write_sii(position, &before, &image);
+        words.with_context(|| format!("the backup is {}", backup.display()))
+    })?;
     writeln!(
         output,
         "SubDevice {position}: {words} words written and read back; they count from the next power-on. Backup: {}",
@@ -243,4 +306,21 @@ pub(super) fn open_at_rest(target: &Target, position: u16) -> anyhow::Result<Any
     commands::note_warnings(&bus);
     bus.subdevice(position)?;
     Ok(bus)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The address lines that an EEPROM doesn't have are ignored by many.
+    #[test]
+    fn an_eeprom_that_begins_anew_behind_its_end_is_known_by_that() {
+        let mut image = vec![0xFF; 2048];
+        image[..sii::HEADER].fill(0);
+        image[0] = 0x80;
+        assert_eq!(comes_again(&image), None);
+        assert_eq!(comes_again(&image.repeat(2)), Some(2048));
+        // Of an erased one nobody can say.
+        assert_eq!(comes_again(&[0xFF; 4096]), None);
+    }
 }

@@ -137,6 +137,9 @@ fn one(arguments: &Arguments, files: &Files, name: &str, output: &mut dyn Write)
     }
     let assembly = files.assembly(device, &arguments.slots)?;
     if let Some(path) = &arguments.sii {
+        if let Some(problem) = device.problems.first() {
+            anyhow::bail!("no image is written of a device that can't be read whole: {problem}");
+        }
         let identity =
             files.first.vendor.id.filter(|_| device.product_code.is_some() && device.revision.is_some());
         let vendor = identity.with_context(|| {

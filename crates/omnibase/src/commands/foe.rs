@@ -3,16 +3,15 @@
 use crate::commands::eeprom::open_at_rest;
 use crate::progress::{bar, note, warn};
 use crate::target::{AnyBus, Target};
+use crate::to_the_end::to_the_end;
 use crate::{Outcome, new_file};
 use anyhow::{Context, ensure};
 use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::field::FILE_TIMEOUT;
 use omnibase_ethercat::mailbox::{FileAccess, MailboxError, MailboxRequest, Operation, ShortText};
 use omnibase_ethercat::wire::sii::PROTOCOL_FOE;
-use omnibase_host::stop_on_signals;
 use std::io::Write;
 use std::path::PathBuf;
-use std::sync::atomic::Ordering;
 
 /// The largest file that is read, bytes.
 const READ_LIMIT: usize = 64 << 20;
@@ -37,8 +36,9 @@ enum Action {
   omnibase foe write eth1 2 build/fw-1.2.bin --name firmware --password 0x12345678
 
 Refused where a robot runs and where a SubDevice is in SAFE-OP or OP. A transfer that broke off leaves a device
-without firmware that waits in BOOT or INIT: leave the power on and give the same command again. Devices that give no
-file back can't be compared; that is said, and `omnibase scan` shows their version (1009, 100a) afterwards.")]
+without firmware that waits in BOOT or INIT: leave the power on and give the same command again. A first Ctrl-C
+waits for the end. Devices that give no file back can't be compared; that is said, and `omnibase scan` shows their
+version (1009, 100a) afterwards.")]
 struct WriteArguments {
     #[command(flatten)]
     place: Place,
@@ -92,28 +92,29 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
     let content = std::fs::read(file).with_context(|| format!("reading `{}`", file.display()))?;
     ensure!(!content.is_empty(), "`{}` is empty: not written", file.display());
     let access = place.access(file)?;
-    let position = place.position;
     let mut bus = place.open()?;
-    let operation = Operation::WriteFile(access);
-    place.transfer(&mut bus, operation, content.clone()).with_context(|| {
-        let left = if place.pre_op {
-            "may have a part of that file now"
+    // Half a firmware is none.
+    let compared = to_the_end("a part of the file", || {
+        place.write(&mut bus, access, &content)?;
+        let compared = if *no_compare {
+            Err("not asked for".to_owned())
         } else {
-            "may be without firmware now and wait for it: leave its power on"
+            place.compare(&mut bus, access, &content)?
         };
-        format!("SubDevice {position} {left}; give the same command again")
+        place.leave(&mut bus)?;
+        Ok(compared)
     })?;
-    let compared = if *no_compare {
-        Err("not asked for".to_owned())
-    } else {
-        place.compare(&mut bus, access, &content)?
-    };
-    place.leave(&mut bus)?;
     let verdict = match compared {
         Ok(()) => "read back, the same".to_owned(),
         Err(reason) => format!("written and acknowledged, but NOT read back: {reason}"),
     };
-    writeln!(output, "SubDevice {position}: {} bytes as `{}`: {verdict}", content.len(), access.name)?;
+    writeln!(
+        output,
+        "SubDevice {}: {} bytes as `{}`: {verdict}",
+        place.position,
+        content.len(),
+        access.name
+    )?;
     Ok(Outcome::Done)
 }
 
@@ -172,19 +173,23 @@ impl Place {
 
     fn transfer(&self, bus: &mut AnyBus, operation: Operation, data: Vec<u8>) -> anyhow::Result<Vec<u8>> {
         let bar = bar(data.len() as u64, "bytes");
-        // Half a firmware is none: who asks for an end is told so once, and a second time ends it.
-        let asked = stop_on_signals()?;
-        let mut is_told = !matches!(operation, Operation::WriteFile(_));
         let request = MailboxRequest::new(operation, data).with_timeout(FILE_TIMEOUT);
-        let done = bus.transfer_file(self.position, request, &mut |bytes| {
-            bar.set_position(bytes as u64);
-            if asked.load(Ordering::Relaxed) && !is_told {
-                is_told = true;
-                warn("not ended: the device would be left with a part of the file; Ctrl-C again ends it all the same");
-            }
-        });
+        let done = bus.transfer_file(self.position, request, &mut |bytes| bar.set_position(bytes as u64));
         bar.finish_and_clear();
         Ok(done?)
+    }
+
+    fn write(&self, bus: &mut AnyBus, access: FileAccess, content: &[u8]) -> anyhow::Result<()> {
+        note(format_args!("writing {} bytes as `{}`", content.len(), access.name));
+        let written = self.transfer(bus, Operation::WriteFile(access), content.to_vec());
+        written.map(drop).with_context(|| {
+            let left = if self.pre_op {
+                "may have a part of that file now"
+            } else {
+                "may be without firmware now and wait for it: leave its power on"
+            };
+            format!("SubDevice {} {left}; give the same command again", self.position)
+        })
     }
 
     /// Whether the device gives the same back; the reason where it gives nothing.

@@ -3,6 +3,7 @@
 use super::{Simulator, json, omnibase, scratch, segment, sim, text};
 use omnibase_ethercat_wire::sii;
 use omnibase_host::Namespace;
+use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};
 
@@ -55,7 +56,8 @@ fn an_eeprom_is_read_written_and_given_an_alias_over_a_cable() {
         assert_eq!(std::fs::read(file("third.bin")).unwrap(), first);
 
         // An image of another product, and one that is there already.
-        let other = sii::Image::default().emit();
+        let mut other = first.clone();
+        other[16] ^= 1;
         std::fs::write(file("other.bin"), other).unwrap();
         let (code, words) = run(&["write", near, "1"], &file("other.bin"), &[]);
         assert!(code == Some(1) && words.contains("--other-product"), "{words}");
@@ -63,6 +65,103 @@ fn an_eeprom_is_read_written_and_given_an_alias_over_a_cable() {
         assert!(code == Some(1) && words.contains("File exists"), "{words}");
         let (code, words) = run(&["read", "@robot", "1"], &file("robot.bin"), &[]);
         assert!(code == Some(1) && words.contains("a robot runs there: end it first"), "{words}");
+    });
+}
+
+/// An image that would leave the device broken or one of two that nobody can tell apart: refused before the first word, or told.
+#[test]
+fn an_image_that_does_not_fit_is_refused_before_it_is_begun() {
+    let folder = tempfile::tempdir().unwrap();
+    let target = sim("three-servos");
+    let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let read = omnibase(&["eeprom", "read", &target, "2", &file("own.bin")]);
+    assert_eq!(read.status.code(), Some(0), "{}", text(&read.stderr));
+    let own = std::fs::read(file("own.bin")).unwrap();
+    let write = |name: &str, image: &[u8]| {
+        std::fs::write(file(name), image).unwrap();
+        let (image, backup) = (file(name), file(&format!("before-{name}")));
+        let arguments = ["eeprom", "write", &target, "2", &image, "--other-product", "--backup", &backup];
+        let output = omnibase(&arguments);
+        let words = text(&output.stdout) + &text(&output.stderr);
+        (output.status.code(), words, Path::new(&backup).exists())
+    };
+    // (name, byte and value there, what is said, whether it is written all the same)
+    let changed = [
+        ("alias", 8, 1, "alias 1 belongs to SubDevice [0] already", false),
+        ("serial", 28, 1, "serial number 1 of", true),
+        ("revision", 24, 9, "is for revision 0x00010009", true),
+    ];
+    for (name, at, value, expected, is_written) in changed {
+        let mut image = own.clone();
+        image[at] = value;
+        let (code, words, has_backup) = write(name, &image);
+        assert!(words.contains(expected), "{name}: {words}");
+        assert_eq!((code == Some(0), has_backup), (is_written, is_written), "{name}: {words}");
+    }
+    let mut large = own.clone();
+    large[0x7C] = 0x1F;
+    large.resize(4096, 0xFF);
+    let erased = "is the image of an erased EEPROM";
+    for (name, image, expected) in [
+        ("large", large, "the image has 4096 bytes, the EEPROM of SubDevice 2 has 2048: not written"),
+        ("ones", vec![0xFF; 2048], erased),
+        ("zeros", vec![0; 2048], erased),
+    ] {
+        let (code, words, has_backup) = write(name, &image);
+        assert!(words.contains(expected), "{name}: {words}");
+        assert_eq!((code, has_backup), (Some(1), false), "{name}: {words}");
+    }
+}
+
+/// A first Ctrl-C doesn't leave half an EEPROM or half a firmware: it's told so, and the work goes to its end.
+#[test]
+fn what_must_be_whole_is_not_broken_off() {
+    let Some(namespace) = Namespace::for_test("what_must_be_whole_is_not_broken_off") else { return };
+    namespace.run(|| {
+        let folder = tempfile::tempdir().unwrap();
+        let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+        let (_simulator, _) = Simulator::start(&[&segment("three-servos")]);
+        let near = Namespace::NEAR;
+        let read = omnibase(&["eeprom", "read", near, "2", &file("own.bin")]);
+        assert_eq!(read.status.code(), Some(0), "{}", text(&read.stderr));
+        let own = std::fs::read(file("own.bin")).unwrap();
+        // Behind the last category.
+        let end = own.iter().rposition(|byte| *byte != 0xFF).unwrap() + 3;
+        // Interrupted once it has said `begun`; whether it was told.
+        let interrupted = |arguments: &[&str], begun: &str| {
+            let mut child = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+                .args(arguments)
+                .stdout(Stdio::null())
+                .stderr(Stdio::piped())
+                .spawn()
+                .unwrap();
+            let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+            let before: Vec<String> = lines.by_ref().take_while(|line| !line.contains(begun)).collect();
+            assert!(Command::new("kill").args(["-INT", &child.id().to_string()]).status().unwrap().success());
+            let after: Vec<String> = lines.collect();
+            assert_eq!(child.wait().unwrap().code(), Some(0), "{before:?} {after:?}");
+            after.iter().any(|line| line.contains("not ended: the device would be left with"))
+        };
+        std::fs::write(file("firmware"), vec![7; 200_000]).unwrap();
+        let is_told = |round: usize| {
+            let mut image = own.clone();
+            image[end..].fill(round as u8);
+            std::fs::write(file("new.bin"), image).unwrap();
+            let backup = file(&format!("backup-{round}.bin"));
+            let eeprom = ["eeprom", "write", near, "2", &file("new.bin"), "--backup", &backup];
+            let foe = ["foe", "write", near, "0", &file("firmware")];
+            // On a busy machine it may have been done by then.
+            [interrupted(&eeprom, "the present content is in"), interrupted(&foe, "writing 200000 bytes")]
+        };
+        let mut told = [false; 2];
+        for round in 0..20 {
+            let now = is_told(round);
+            told = [told[0] || now[0], told[1] || now[1]];
+            if told == [true; 2] {
+                return;
+            }
+        }
+        panic!("told of eeprom and foe: {told:?}");
     });
 }
 

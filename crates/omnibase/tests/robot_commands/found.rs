@@ -117,7 +117,7 @@ fn what_is_wrong_with_a_makers_file_is_told_with_each_form_of_a_device() {
     let table = &tables[1];
     for expected in [
         "# vendor_id = \"?\"",
-        "LOOK AT THIS: the command of line 80 can't be read whole: it isn't sent",
+        "LOOK AT THIS: line 80: EtherCATInfo/Descriptions/Devices/Device/Mailbox/CoE/InitCmd: the command can't be read whole: it is left out",
         "# revision = \"?\"",
         "pad:8 ? 6071:16",
         "FILL IN what",
@@ -128,6 +128,77 @@ fn what_is_wrong_with_a_makers_file_is_told_with_each_form_of_a_device() {
     assert!(!table.contains("\"0x0\"") && !table.contains("without SYNC"), "{table}");
     assert!(tables[0].contains("vendor ?, product 0x00000402, revision ?"), "{}", tables[0]);
     assert!(!Path::new(&image).exists(), "an image without a revision was written");
+}
+
+/// More process data than a robot records: the table says so, and `check` refuses it for that alone.
+#[test]
+fn a_device_of_more_bytes_than_a_robot_records_is_told() {
+    let folder = Folder::new("esi-large");
+    let path = folder.path("large.xml");
+    let table = |entries: u8| {
+        let entry = |number: u8| {
+            format!("<Entry><Index>#x6000</Index><SubIndex>{number}</SubIndex><BitLen>32</BitLen></Entry>")
+        };
+        let entries: String = (1..=entries).map(entry).collect();
+        let text = format!(
+            "<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices><Device><Type ProductCode=\"1\" RevisionNo=\"1\">D\
+            </Type><Sm StartAddress=\"#x1200\" ControlByte=\"#x20\">Inputs</Sm><TxPdo Sm=\"0\"><Index>#x1A00</Index>{entries}\
+            </TxPdo></Device></Devices></Descriptions></EtherCATInfo>"
+        );
+        std::fs::write(&path, text).unwrap();
+        esi(&[&path, "--device", "D", "--toml"])
+    };
+    assert!(!table(32).contains("LOOK AT THIS"), "{}", table(32));
+    let large = table(33);
+    let told =
+        "LOOK AT THIS: 132 bytes of inputs, and a robot has room for 128 of all its SubDevices together";
+    assert!(large.contains(told), "{large}");
+    let refused = problems(&folder, &with_devices(&large.replace("position = 0", "position = 3"))).unwrap();
+    assert!(refused.contains("132 bytes of inputs"), "{refused}");
+}
+
+/// Numbers of SyncManagers and PDOs that can't be read: no 0 in any form, no image, and no table of a device that is sound.
+#[test]
+fn what_cannot_be_read_is_in_no_form_a_zero() {
+    let folder = Folder::new("esi-unread");
+    let device = |sm: &str, index: &str| {
+        format!(
+            "<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices><Device><Type ProductCode=\"1\" RevisionNo=\"1\">D\
+            </Type>{sm}<RxPdo Sm=\"0\"><Index>{index}</Index><Entry><Index>#x7000</Index><SubIndex>1</SubIndex><BitLen>8</BitLen>\
+            </Entry></RxPdo></Device></Devices></Descriptions></EtherCATInfo>"
+        )
+    };
+    let sound = "<Sm StartAddress=\"#x1200\" ControlByte=\"#x64\">Outputs</Sm>";
+    let wrong = "<Sm StartAddress=\"-4\" ControlByte=\"zz\" DefaultSize=\"-128\">Outputs</Sm>";
+    let path = folder.path("wrong.xml");
+    let image = folder.path("image.bin");
+    let form = |form: &[&str]| {
+        let output = omnibase(&[&["esi", &path, "--device", "D"], form].concat());
+        assert_eq!(output.status.code(), Some(1), "{form:?}");
+        (words(&output.stdout), words(&output.stderr))
+    };
+    std::fs::write(&path, device(wrong, "#x1600")).unwrap();
+    assert!(form(&[]).0.contains("outputs, ?, ? bytes, control ?"), "{}", form(&[]).0);
+    let json: serde_json::Value = serde_json::from_str(&form(&["--json"]).0).unwrap();
+    let unread = serde_json::Value::Null;
+    for key in ["start", "default_size", "control"] {
+        assert_eq!(json["sync_managers"][0][key], unread, "{json}");
+    }
+    let (_, said) = form(&["--sii", &image]);
+    assert!(said.contains("no image is written of a device that can't be read whole: line 1: "), "{said}");
+    assert!(!Path::new(&image).exists());
+    let segment = folder.path("segment.toml");
+    std::fs::write(&segment, form(&["--segment"]).0).unwrap();
+    let scan = omnibase(&["scan", &format!("sim:{segment}")]);
+    assert!(words(&scan.stderr).contains("attribute StartAddress: expected"), "{}", words(&scan.stderr));
+    // Its only PDO: what it is for isn't known.
+    std::fs::write(&path, device(sound, "zz")).unwrap();
+    let (table, _) = form(&["--toml"]);
+    assert!(!table.contains("ignore") && table.contains("# kind = \"?\""), "{table}");
+    assert!(
+        table.contains("LOOK AT THIS") && table.contains("the PDO has no index: it is left out"),
+        "{table}"
+    );
 }
 
 #[test]

@@ -8,7 +8,7 @@ use omnibase_robot::config::{EventPlan, Happening, PushFrame, SimulationTable};
 use omnibase_robot_sim::{BodyError, Payload, SharedMachine, Surface, Wrench};
 use omnibase_session::Words;
 
-use super::{PAYLOAD_HEIGHT_M, disc_kg_m2, order, payload, sort_key, torque_ratio};
+use super::{Member, PAYLOAD_HEIGHT_M, disc_kg_m2, line, payload, torque_ratio};
 
 /// The events of a robot's file, applied to its machine and its drives when their time has come.
 pub struct Script {
@@ -146,10 +146,7 @@ impl Script {
 
 /// Position of each wheel's drive on the simulated bus.
 fn positions(plan: &RobotPlan) -> Vec<usize> {
-    let wheels = order(plan).into_iter().map(|wheel| (sort_key(plan.drives[wheel].place), Some(wheel)));
-    let beside = plan.devices.iter().map(|device| (sort_key(device.place), None));
-    let mut places: Vec<(u32, Option<usize>)> = wheels.chain(beside).collect();
-    places.sort_by_key(|(key, _)| *key);
-    let of = |wheel| places.iter().position(|(_, other)| *other == Some(wheel)).unwrap_or(usize::MAX);
+    let line = line(plan);
+    let of = |wheel| line.iter().position(|other| *other == Member::Wheel(wheel)).unwrap_or(usize::MAX);
     (0..plan.drives.len()).map(of).collect()
 }

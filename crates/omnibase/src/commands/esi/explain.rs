@@ -37,8 +37,8 @@ pub fn file(path: &Path, file: &EsiFile, with_modules: bool, output: &mut dyn Wr
         let activate = device.dc_modes.iter().find(|mode| mode.assign_activate != 0);
         words.extend(activate.map(|mode| format!("DC 0x{:04X}", mode.assign_activate)));
         if let Some(slots) = &device.slots {
-            let places: u32 = slots.slots.iter().map(|slot| slot.most).sum();
-            words.push(format!("slots for {places} modules"));
+            let places: Option<u32> = slots.slots.iter().map(|slot| slot.most).sum();
+            words.push(format!("slots for {} modules", or_unread(places)));
         }
         writeln!(
             output,
@@ -75,6 +75,11 @@ pub fn file(path: &Path, file: &EsiFile, with_modules: bool, output: &mut dyn Wr
         )?;
     }
     notes(&file.notes, &[UNKNOWN, (Why::Unused, "known and not needed here")], output)
+}
+
+/// A number; a question mark where it can't be read.
+fn or_unread(number: Option<impl ToString>) -> String {
+    number.map_or("?".to_owned(), |number| number.to_string())
 }
 
 /// Bits of PDOs; a question mark where some can't be read.
@@ -157,8 +162,10 @@ pub fn device(file: &EsiFile, assembly: &Assembly, output: &mut dyn Write) -> io
         let flags: String = flags.iter().filter(|(there, _)| *there).map(|(_, word)| *word).collect();
         writeln!(
             output,
-            "SM{number}            {usage}, 0x{:04x}, {} bytes, control 0x{:02x}{flags}",
-            manager.start, manager.default_size, manager.control
+            "SM{number}            {usage}, {}, {} bytes, control {}{flags}",
+            or_unread(manager.start.map(|start| format!("0x{start:04x}"))),
+            or_unread(manager.default_size),
+            or_unread(manager.control.map(|control| format!("0x{control:02x}")))
         )?;
     }
     if let Some(mailbox) = &device.mailbox {
@@ -184,16 +191,16 @@ pub fn device(file: &EsiFile, assembly: &Assembly, output: &mut dyn Write) -> io
                 output,
                 "slots          {}: {} to {}, classes {}",
                 slot.name,
-                slot.least,
-                slot.most,
+                or_unread(slot.least),
+                or_unread(slot.most),
                 slot.classes.join(", ")
             )?;
         }
         writeln!(
             output,
             "               objects {} apart, PDOs {} apart{}",
-            slots.index_increment,
-            slots.pdo_increment,
+            or_unread(slots.index_increment),
+            or_unread(slots.pdo_increment),
             if slots.download_idents { ", the list of modules is told to 0xF030" } else { "" }
         )?;
     }

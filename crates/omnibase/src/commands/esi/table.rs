@@ -4,6 +4,7 @@ use super::clocks;
 use crate::robot_table::{RobotTable, TO_FILL, plain_name};
 use omnibase_esi::model::{Coe, Pdo, PdoEntry};
 use omnibase_esi::{Assembly, Command, CommandSource, Device, EsiFile};
+use omnibase_robot::signals::MAX_DEVICE_BYTES;
 use std::fmt::Write;
 
 /// Profile of drives (CiA 402).
@@ -26,6 +27,16 @@ pub fn of(file: &EsiFile, assembly: &Assembly) -> String {
     for doubt in assembly.doubts() {
         table.comment(&format!("LOOK AT THIS: {doubt}."));
     }
+    let maps = [assembly.default_pdos(true).0, assembly.default_pdos(false).0];
+    for (pdos, what) in maps.iter().zip(["outputs", "inputs"]).filter(|_| !is_drive) {
+        let bytes = pdos.iter().map(Pdo::bits).sum::<u32>().div_ceil(8) as usize;
+        if bytes > MAX_DEVICE_BYTES {
+            table.comment(&format!(
+                "LOOK AT THIS: {bytes} bytes of {what}, and a robot has room for {MAX_DEVICE_BYTES} of all its SubDevices together: \
+                 leave PDOs out, where it lets them be chosen."
+            ));
+        }
+    }
     hints(device, &mut table);
     table.head(if is_drive { "[[drive]]" } else { "[[device]]" });
     let name = plain_name(&device.type_name, "device", &mut Vec::new());
@@ -34,14 +45,15 @@ pub fn of(file: &EsiFile, assembly: &Assembly) -> String {
         "position = 0",
         &format!("{TO_FILL}: its place on the bus, as `omnibase scan` shows it; or `alias`"),
     );
-    let maps = [assembly.default_pdos(true).0, assembly.default_pdos(false).0];
     let commands: Vec<Command> = assembly.commands().into_iter().filter(Command::is_parameter).collect();
     if is_drive {
         table.line("device = \"cia402\"", "its profile is 402; --kinds lists devices that are known better");
-    } else if maps.iter().all(Vec::is_empty) && commands.is_empty() {
+    } else if !maps.iter().all(Vec::is_empty) || !commands.is_empty() {
+        table.line("kind = \"io\"", "its signals are inputs and outputs; `axis` for a drive without a wheel");
+    } else if assembly.problems().next().is_none() {
         table.line("kind = \"ignore\"", "it has no process data: a coupler");
     } else {
-        table.line("kind = \"io\"", "its signals are inputs and outputs; `axis` for a drive without a wheel");
+        table.left_to_fill("kind = \"?\"", "no process data of it can be read");
     }
     identity(
         "vendor_id",
