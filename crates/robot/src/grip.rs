@@ -528,6 +528,7 @@ impl Grip {
         GripReport {
             dynamics: self.identification.dynamics(),
             mass_sigma_kg: self.identification.mass_sigma_kg(),
+            slope_m_s2: self.identification.slope_m_s2(),
             slip_m_s: self.wheels.map(|wheel| wheel.slide.map_or(wheel.ahead_m_s, |slide| slide.ahead_m_s)),
             slipped_m: self.wheels.map(|wheel| if wheel.is_loose() { wheel.way_m } else { 0.0 }),
             felt: self.felt,

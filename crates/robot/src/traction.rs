@@ -12,6 +12,9 @@
 //! can't give its part, the wheels that bear more take it over (`sharing.rs`).
 //!
 //! Where the file says nothing of the floor nothing is counted on or held back, but for wheels that spin while the robot stops.
+//!
+//! On a slope wheels push the platform and hold it: what they need for an acceleration a on a slope that pulls it with g is what they
+//! need for a − g on a level floor, loads included. So much less is left for motions and stops, whichever way the platform is turned.
 
 mod footing;
 mod reliance;
@@ -54,6 +57,9 @@ const LEAST_SHARE: f64 = 0.05;
 const RISES_1_S: f64 = 0.5;
 /// A wheel that the platform leans away from is held back as if it bore this part of the mean load at least.
 const LEANING_LOAD: f64 = 0.1;
+/// What a level floor carries of which nothing is told, m/s², where the file's accelerations aren't more: that of hard polyurethane, a
+/// friction of 0.20 (`omnibase_robot_sim::floor` has the source), in the weakest direction of three wheels.
+const CARRIED_M_S2: f64 = 1.5;
 /// A wheel that slips gets this part of what it could push: its rim comes back to the platform's speed.
 const SLIPPING: f64 = 0.5;
 
@@ -108,7 +114,15 @@ impl Traction {
         let is_behind = friction.is_some() && (self.report.is_capped() || grip.slips());
         self.behind_s = if is_behind { BEHIND_S } else { (self.behind_s - time.period_s()).max(0.0) };
         let rises = self.report.share + RISES_1_S * time.period_s();
-        let share = friction.map_or(1.0, |friction| self.share(PLANNED * friction, grip).min(rises));
+        let share = match friction {
+            Some(friction) => self.share(PLANNED * friction, grip),
+            // On a level floor the file's accelerations are carried, whatever they are.
+            None => {
+                let most_m_s2 = self.limits.acceleration_m_s2;
+                ((most_m_s2.max(CARRIED_M_S2) - length(grip.slope_m_s2)) / most_m_s2).min(1.0)
+            }
+        };
+        let share = share.max(LEAST_SHARE).min(rises);
         self.report = TractionReport { friction, share, factor: 1.0 };
         self.report
     }
@@ -123,9 +137,10 @@ impl Traction {
         Carried {
             share: self.report.share,
             friction: self.report.friction.map(|friction| PLANNED * friction),
+            slope: self.footing.slope_friction(&grip.dynamics, length(grip.slope_m_s2)),
             mass_kg: grip.dynamics.mass_kg - MASS_SIGMAS * grip.mass_sigma_kg,
             asked: self.report.friction.map_or(Asked::AsPlanned, |friction| {
-                let needs = self.footing.needs(setpoint, &grip.dynamics);
+                let needs = self.footing.needs(setpoint, &grip.dynamics, grip.slope_m_s2);
                 let is_given = |part: f64| {
                     setpoint.is_finite()
                         && needs.friction <= part * friction
@@ -173,13 +188,14 @@ impl Traction {
         let of_wheel = |wheel: usize| {
             let Push { force, lighter, left_n, .. } = self.footing.push(wheel, friction, &grip.dynamics);
             let worst = |sign: f64| length([sign * force[0] + lighter[0], sign * force[1] + lighter[1]]);
-            let needed_n =
-                acceleration_m_s2 * worst(1.0).max(worst(-1.0)) + turn_acceleration_rad_s2 * force[2].abs();
-            left_n / needed_n
+            let worst_kg = worst(1.0).max(worst(-1.0));
+            let needed_n = acceleration_m_s2 * worst_kg + turn_acceleration_rad_s2 * force[2].abs();
+            // What holds the platform on a slope is pushed like what speeds it up, and leans it as far.
+            (left_n - length(grip.slope_m_s2) * worst_kg) / needed_n
         };
         let share = (0..self.footing.wheels).map(of_wheel).fold(1.0, f64::min);
         // Before anything is known of a mass there is nothing to bound.
-        if share.is_nan() { 1.0 } else { share.max(LEAST_SHARE) }
+        if share.is_nan() { 1.0 } else { share }
     }
 
     /// Torques that the floor carries: all scaled alike where a wheel would slip. Where nothing is counted on each wheel that spins is
@@ -200,11 +216,12 @@ impl Traction {
             return wished;
         };
         let acceleration = setpoint.acceleration_in_odom.rotated(-setpoint.odom_from_body.heading_rad);
+        let [pull_x, pull_y] = grip.slope_m_s2;
         let footing = &self.footing;
         let leans_m = footing.height_m / GRAVITY_M_S2;
         let centre_m = grip.dynamics.centre_m();
-        // How far inertia shifts where the weight presses.
-        let leans = [-leans_m * acceleration.vx_m_s, -leans_m * acceleration.vy_m_s];
+        // How far inertia and slope shift where the weight presses.
+        let leans = [-leans_m * (acceleration.vx_m_s - pull_x), -leans_m * (acceleration.vy_m_s - pull_y)];
         let told_n = if stops { footing.mean_n(self.told_kg) } else { 0.0 };
         let (mean_n, [spin_n, _]) =
             (footing.mean_n(grip.dynamics.mass_kg).max(told_n), grip.dynamics.friction_n);

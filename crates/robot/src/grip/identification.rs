@@ -50,6 +50,10 @@ const MOST_SLOPE: f64 = 0.1;
 const LEAST_SLOPE: f64 = 0.01;
 /// What friction holds of a slope at least, where nothing is known of it.
 const HELD_SLOPE: f64 = 0.025;
+/// So steep a level floor may look while wheels slide; motions count with steeper ones, and from there on with so much more for each part
+/// more until they count with all of it.
+const LOOKS_STEEP: f64 = 0.02;
+const STEEPER: f64 = 2.0;
 /// How fast it is drawn to what wheels that stand hold against, 1/s.
 const RESTING_1_S: f64 = 20.0;
 
@@ -161,6 +165,22 @@ impl Identification {
             mass_sigma_kg: self.watched.covariance[0][0].max(0.0).sqrt(),
             slope_n: [told * (cos * x + sin * y), told * (cos * y - sin * x)],
         }
+    }
+
+    /// How hard a slope may pull the platform in body axes, m/s²: with a standard deviation of what isn't known of it, and not at all
+    /// where a level floor on which wheels slide may look so.
+    pub(super) fn slope_m_s2(&self) -> [f64; 2] {
+        let (sin, cos) = self.turned_rad.sin_cos();
+        let [mass_kg, .., along_n, across_n] = self.watched.theta;
+        let [x, y] = [cos * along_n + sin * across_n, cos * across_n - sin * along_n];
+        let slope = omnibase_platform::length([x, y]);
+        if slope <= LOOKS_STEEP * GRAVITY_M_S2 * mass_kg {
+            return [0.0; 2];
+        }
+        let variance = self.watched.covariance[BODY][BODY].max(self.watched.covariance[BODY + 1][BODY + 1]);
+        let most_n = slope + variance.max(0.0).sqrt();
+        let sure_n = STEEPER * (slope - LOOKS_STEEP * GRAVITY_M_S2 * mass_kg);
+        [x, y].map(|axis| axis / slope * sure_n.min(most_n) / mass_kg)
     }
 
     /// What wheels that stand push with, and what friction is known to hold of it, by axis in body axes, N: nothing moves by what is

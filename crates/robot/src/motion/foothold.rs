@@ -45,6 +45,8 @@ pub(crate) struct Carried {
     pub(crate) share: f64,
     /// The friction that plans may count on; `None` where nothing is known of the floor.
     pub(crate) friction: Option<f64>,
+    /// What a slope may take of it.
+    pub(crate) slope: f64,
     /// What the platform surely weighs, kg.
     pub(crate) mass_kg: f64,
     /// What the last setpoint asked of the wheels.
@@ -59,6 +61,7 @@ impl Carried {
     pub(super) const ALL: Carried = Carried {
         share: 1.0,
         friction: None,
+        slope: 0.0,
         mass_kg: 0.0,
         asked: Asked::AsPlanned,
         warmth: 0.0,
@@ -70,6 +73,12 @@ impl Carried {
         self.friction.is_some_and(|carried| carried >= plan.friction * (1.0 - ROUNDING))
             && self.mass_kg <= SAME_MASS * plan.mass_kg
             && self.asked < Asked::TooMuch
+    }
+
+    /// The rate at which a slope leaves of this floor what a plan takes: its accelerations go with the rate's square.
+    pub(super) fn slope_rate(&self, plan: &PlannedFor) -> f64 {
+        let left = (self.friction.unwrap_or(0.0) - self.slope) / plan.friction;
+        if self.slope == 0.0 { 1.0 } else { left.max(0.0).sqrt().clamp(LEAST_RATE, 1.0) }
     }
 
     /// The rate at which motors that are warm already bear a plan that counts on cold ones: its heat goes with the rate's fourth power.
