@@ -421,6 +421,34 @@ mod tests {
     }
 
     #[test]
+    fn what_a_slope_may_pull_is_told_in_body_axes_and_a_level_floor_pulls_nothing() {
+        // 5 and 3 % of 173 kg, and as much more as isn't known.
+        let slope_n = [85.0, -51.0];
+        let one = driven(60.0, &|_| 0.0, slope_n, &|_| true);
+        let pull = one.slope_m_s2();
+        let (size, true_m_s2) = (omnibase_platform::length(pull), omnibase_platform::length(slope_n) / 173.0);
+        assert!((true_m_s2..true_m_s2 + 0.15).contains(&size), "{size} of {true_m_s2} m/s²");
+        let (sin, cos) = one.turned_rad.sin_cos();
+        let in_world = [cos * pull[0] - sin * pull[1], sin * pull[0] + cos * pull[1]];
+        let along = (in_world[0] * slope_n[0] + in_world[1] * slope_n[1]) / (173.0 * true_m_s2 * size);
+        assert!(along > 0.99, "{in_world:?}");
+        // Nor does one that looks steep while wheels slide; from there on more is counted with bit by bit.
+        let mut level = driven(60.0, &|_| 0.0, [0.0; 2], &|_| true);
+        assert_eq!(level.slope_m_s2(), [0.0; 2]);
+        let weight_n = level.watched.theta[0] * GRAVITY_M_S2;
+        let mut pull = |steep: f64| {
+            (level.watched.theta[BODY], level.watched.theta[BODY + 1]) = (steep * weight_n, 0.0);
+            omnibase_platform::length(level.slope_m_s2()) / GRAVITY_M_S2
+        };
+        assert_eq!(pull(0.99 * LOOKS_STEEP), 0.0);
+        assert!(pull(1.01 * LOOKS_STEEP) < 0.001, "{}", pull(1.01 * LOOKS_STEEP));
+        let steps = (1..100).map(|step| 0.001 * f64::from(step));
+        steps.for_each(|steep| {
+            assert!(pull(steep + 0.001) - pull(steep) <= 0.001 * STEEPER + 1e-9, "{steep}")
+        });
+    }
+
+    #[test]
     fn what_wheels_that_stand_hold_against_is_a_slope_of_what_a_floor_may_have() {
         let mut one = Identification::new(&first((70.0, [25.0, 200.0]), (7.0, [2.0, 20.0])), 0.4);
         let weight_n = 70.0 * GRAVITY_M_S2;

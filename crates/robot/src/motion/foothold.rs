@@ -212,6 +212,21 @@ mod tests {
     };
 
     #[test]
+    fn a_plan_is_slower_by_what_a_slope_takes_of_the_friction_that_it_was_planned_with() {
+        let plan = PlannedFor { friction: 0.4, mass_kg: 70.0, heat: 0.0 };
+        let rate = |slope: f64| Carried { friction: Some(0.4), slope, ..Carried::ALL }.slope_rate(&plan);
+        assert_eq!(rate(0.0), 1.0);
+        // Its accelerations go with the square.
+        assert!((0.4 * rate(0.1).powi(2) + 0.1 - 0.4).abs() < 1e-12, "{}", rate(0.1));
+        for none_is_left in [0.4, 0.7, f64::NAN] {
+            assert_eq!(rate(none_is_left), LEAST_RATE);
+        }
+        // A floor that is better than planned with leaves the plan as it is.
+        let better = Carried { friction: Some(0.6), slope: 0.1, ..Carried::ALL };
+        assert_eq!(better.slope_rate(&plan), 1.0);
+    }
+
+    #[test]
     fn a_plan_speeds_up_no_more_than_the_floor_carries_and_not_at_all_for_a_platform_that_is_behind() {
         let plan = |vx, ax, w, gain| [Twist2::new(vx, 0.0, w), Twist2::new(ax, 0.0, gain)];
         let change = |share, is_behind, plan: [Twist2; 2]| {

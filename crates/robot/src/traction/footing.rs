@@ -1,6 +1,6 @@
 //! How a platform's wheels stand on the floor: what each pushes for an acceleration, and what the floor gives it.
 
-use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2, axes};
+use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2, axes, length};
 use omnibase_trajectory::reach::resisting;
 
 use crate::grip::GRAVITY_M_S2;
@@ -133,11 +133,12 @@ impl Footing {
         needs
     }
 
-    /// The friction by which a wheel grips that holds its part of a platform on a slope of such a pull, m/s².
+    /// The friction by which every wheel grips that holds its part of a platform on a slope of such a pull, m/s².
     pub(crate) fn slope_friction(&self, dynamics: &Dynamics, pull_m_s2: f64) -> f64 {
         let of_wheel = |wheel: usize| {
-            let Push { force: [x, y, _], given_n, .. } = self.push(wheel, 1.0, dynamics);
-            pull_m_s2 * omnibase_platform::length([x, y]) / given_n.max(LEAST_N)
+            let Push { force: [x, y, _], lighter, given_n, .. } = self.push(wheel, 1.0, dynamics);
+            let load_n = given_n - pull_m_s2 * length(lighter);
+            pull_m_s2 * length([x, y]) / load_n.max(LEAST_N)
         };
         if pull_m_s2 == 0.0 { 0.0 } else { (0..self.wheels).map(of_wheel).fold(0.0, f64::max) }
     }
