@@ -12,8 +12,9 @@ use crate::decay::Decay;
 
 /// By which part of what its drives tell a platform's motors may give more.
 const MORE_SHARE: f64 = 0.05;
-/// A slope that may help beside the one that is known, over gravity; and with what a mass that was learnt on it is off.
-const SLOPE: f64 = 0.02;
+/// A slope that may help beside the one that is known, over gravity, after the platform stood on it and before; and with what a mass
+/// that was learnt on it is off.
+const SLOPE: [f64; 2] = [0.02, 0.03];
 const LEARNT_SLOPE: f64 = 0.05;
 /// Of a gentler motion what friction is off hides more than the masses' tolerances give, m/s²; where wheels speed the platform up, within
 /// this cosine of its way, friction only adds to what they push.
@@ -36,6 +37,8 @@ pub(super) struct Shown {
     pub(super) friction_n: Vector,
     /// What a slope pushes it with, N.
     pub(super) slope_n: Vector,
+    /// 1 before it ever stood there, 0 once it did.
+    pub(super) unrested: f64,
     /// How fast the rims say that the platform is, m/s and rad/s.
     pub(super) speed_m_s: Vector,
     pub(super) turn_rad_s: f64,
@@ -163,7 +166,8 @@ impl Steady {
         let least_n = |mass_kg: f64, slope: f64| {
             if size > gentle_m_s2 { mass_kg * (size - slope * GRAVITY_M_S2) } else { 0.0 }
         };
-        if is_missing(least_n(self.told_kg, SLOPE).max(least_n(learnt_kg, LEARNT_SLOPE))) {
+        let slope = SLOPE[0] + shown.unrested * (SLOPE[1] - SLOPE[0]);
+        if is_missing(least_n(self.told_kg, slope).max(least_n(learnt_kg, LEARNT_SLOPE))) {
             self.since_s += span_s;
         } else if self.since_s < LASTING_S || ahead_m_s == 0.0 {
             self.since_s = 0.0;
@@ -223,6 +227,7 @@ mod tests {
                 push_n,
                 friction_n: [-4.0 * sin, 4.0 * cos],
                 slope_n: [0.0; 2],
+                unrested: 0.0,
                 speed_m_s: [0.7 * sin, -0.7 * cos],
                 turn_rad_s: 0.0,
                 learnt_kg,
@@ -301,6 +306,7 @@ mod tests {
                 push_n: [2.0, 0.0],
                 friction_n: [0.0; 2],
                 slope_n: [0.0; 2],
+                unrested: 0.0,
                 speed_m_s: [0.7, 0.0],
                 turn_rad_s: 0.0,
                 learnt_kg: -20.0,
@@ -311,7 +317,7 @@ mod tests {
 
     /// Whether a platform of 70 kg slides that drives along x at 0.7 m/s with an acceleration along x, on a slope that pulls it with a part
     /// of its weight, and whose wheels push so much less than that takes, m/s².
-    fn slides_along(x_m_s2: f64, slope: f64, missing_m_s2: f64) -> bool {
+    fn slides_along([x_m_s2, slope, missing_m_s2]: [f64; 3], unrested: f64) -> bool {
         let mut steady = Steady::new(66.5);
         let slope_n = [slope * 66.5 * GRAVITY_M_S2, 0.0];
         let asked_n = 66.5 * x_m_s2 - slope_n[0];
@@ -322,6 +328,7 @@ mod tests {
                 push_n: [0.95 * (asked_n - asked_n.signum() * 66.5 * missing_m_s2), 0.0],
                 friction_n: [0.0; 2],
                 slope_n,
+                unrested,
                 speed_m_s: [0.7, 0.0],
                 turn_rad_s: 0.0,
                 learnt_kg: 0.0,
@@ -332,16 +339,20 @@ mod tests {
 
     #[test]
     fn what_a_slope_that_is_known_asks_of_the_wheels_is_asked_as_well() {
+        let slides = |motion| slides_along(motion, 0.0);
         // Up a slope of 5 % wheels push for 1.1 m/s² as for 1.6 on a level floor, and braking as for 0.6.
-        assert!(slides_along(1.1, -0.05, 0.4) && !slides_along(1.1, -0.05, 0.1));
-        assert!(slides_along(-1.1, 0.05, 0.4) && !slides_along(-1.1, -0.05, 0.4));
+        assert!(slides([1.1, -0.05, 0.4]) && !slides([1.1, -0.05, 0.1]));
+        assert!(slides([-1.1, 0.05, 0.4]) && !slides([-1.1, -0.05, 0.4]));
+        // Who never stood may be on a steeper one.
+        assert!(slides([3.0, 0.0, 0.27]) && !slides_along([3.0, 0.0, 0.27], 1.0));
     }
 
     #[test]
     fn a_gentler_motion_that_speeds_up_slides_as_well_and_one_that_brakes_may_be_slowed_by_friction() {
-        assert!(slides_along(1.2, 0.0, 0.4) && !slides_along(1.2, 0.0, 0.1));
-        assert!(!slides_along(-1.2, 0.0, 0.4) && slides_along(-1.6, 0.0, 0.4));
-        assert!(!slides_along(0.9, 0.0, 0.4));
+        let slides = |motion| slides_along(motion, 0.0);
+        assert!(slides([1.2, 0.0, 0.4]) && !slides([1.2, 0.0, 0.1]));
+        assert!(!slides([-1.2, 0.0, 0.4]) && slides([-1.6, 0.0, 0.4]));
+        assert!(!slides([0.9, 0.0, 0.4]));
     }
 
     #[test]
