@@ -411,14 +411,13 @@ impl Grip {
         let rims = self.kinematics.wheels();
         let torques_nm = PerWheel::from_fn(pushes_n.len(), |at| pushes_n[at] * rims[at].radius_m);
         let wrench = self.kinematics.wrench(&torques_nm);
-        let Watched { dynamics, mass_sigma_kg, slope_n, unrested } = self.identification.watched();
+        let Watched { dynamics, mass_sigma_kg, slope_n } = self.identification.watched();
         let Dynamics { mass_kg, friction_n: [spin_n, roller_n], .. } = dynamics;
         let [by_spin, by_roller] = motion.friction_per_newton;
         Shown {
             acceleration: self.sliding.acceleration(),
             push_n: [wrench.fx_n, wrench.fy_n],
             slope_n,
-            unrested,
             friction_n: std::array::from_fn(|axis| spin_n * by_spin[axis] + roller_n * by_roller[axis]),
             speed_m_s: [self.shown[0], self.shown[1]],
             turn_rad_s: motion.turn_rad_s,

@@ -66,8 +66,6 @@ pub(super) struct Identification {
     /// How far the platform turned, rad: a slope's force is kept in axes that don't turn.
     turned_rad: f64,
     resting: Decay,
-    /// 1 before it ever stood with its drives enabled, 0 once it stood long enough to know its slope.
-    unrested: f64,
     /// Variances: the most of each, and what it gains in a second.
     most: [f64; BODY],
     walk_1_s: [f64; BODY],
@@ -117,8 +115,6 @@ pub(super) struct Watched {
     pub(super) mass_sigma_kg: f64,
     /// A slope's force in body axes, N, as far as it is more than the watches allow for.
     pub(super) slope_n: [f64; 2],
-    /// 1 before the platform ever stood on it, 0 once it did.
-    pub(super) unrested: f64,
 }
 
 /// What is said of the body, and of a slope.
@@ -143,7 +139,6 @@ impl Identification {
             watched: Estimate::new(beside(body, [0.0; 2]), beside(most, [slope; 2])),
             turned_rad: 0.0,
             resting: Decay::new(RESTING_1_S),
-            unrested: 1.0,
             most,
             walk_1_s: scales(WALK_SHARE, WALK_N, WALK_SHARE).map(|deviation| deviation * deviation),
             bounds: [mass.1, inertia.1, friction, friction],
@@ -169,7 +164,6 @@ impl Identification {
             dynamics: dynamics(&self.watched),
             mass_sigma_kg: self.watched.covariance[0][0].max(0.0).sqrt(),
             slope_n: [told * (cos * x + sin * y), told * (cos * y - sin * x)],
-            unrested: self.unrested,
         }
     }
 
@@ -196,7 +190,6 @@ impl Identification {
             return;
         }
         let share = 1.0 - self.resting.kept(span_s);
-        self.unrested *= 1.0 - share;
         let (sin, cos) = self.turned_rad.sin_cos();
         let [mass_kg, .., along_n, across_n] = self.watched.theta;
         let slope_n = [cos * along_n + sin * across_n, cos * across_n - sin * along_n];
