@@ -216,7 +216,8 @@ impl Traction {
             return wished;
         };
         let acceleration = setpoint.acceleration_in_odom.rotated(-setpoint.odom_from_body.heading_rad);
-        let [pull_x, pull_y] = grip.slope_m_s2;
+        // So does a push, which looks like a slope.
+        let [pull_x, pull_y] = if stops { [0.0; 2] } else { grip.slope_m_s2 };
         let footing = &self.footing;
         let leans_m = footing.height_m / GRAVITY_M_S2;
         let centre_m = grip.dynamics.centre_m();
@@ -353,19 +354,22 @@ mod tests {
     fn who_is_held_on_a_slope_pushes_and_leans_as_who_speeds_up_against_it() {
         let told = "\n[grip]\nfriction = 0.2\ncentre_of_mass_height_m = 0.4\n";
         let mut traction = bmm(1.5, told);
-        let [speeds_up, held, level] =
-            [([1.2, 0.4], [0.0; 2]), ([0.0; 2], [-1.2, -0.4]), ([0.0; 2], [0.0; 2])].map(
-                |([x, y], slope_m_s2)| {
-                    let (setpoint, grip) = (accelerating(x, y), on(slope_m_s2));
-                    traction.look(&TIME, &grip, &PlatformState::default());
-                    let needs = traction.footing.needs(&setpoint, &grip.dynamics, slope_m_s2);
-                    let mut wished = Commands { quantity: Quantity::Torque, ..Commands::default() };
-                    wished.values[..3].copy_from_slice(&[1.0, -9.0, 8.0]);
-                    (needs, traction.cap(wished, &setpoint, &grip, false).values)
-                },
-            );
+        let mut asked = |[x, y]: [f64; 2], slope_m_s2: [f64; 2], stops: bool| {
+            let (setpoint, grip) = (accelerating(x, y), on(slope_m_s2));
+            traction.look(&TIME, &grip, &PlatformState::default());
+            let needs = traction.footing.needs(&setpoint, &grip.dynamics, slope_m_s2);
+            let mut wished = Commands { quantity: Quantity::Torque, ..Commands::default() };
+            wished.values[..3].copy_from_slice(&[1.0, -9.0, 8.0]);
+            (needs, traction.cap(wished, &setpoint, &grip, stops).values)
+        };
+        let speeds_up = asked([1.2, 0.4], [0.0; 2], false);
+        let held = asked([0.0; 2], [-1.2, -0.4], false);
+        let level = asked([0.0; 2], [0.0; 2], false);
         assert_eq!(speeds_up, held);
         assert_ne!(held.1, level.1);
         assert_eq!(level.0.friction, 0.0);
+        // A push looks like a slope: a stop isn't held back by how far one would lean it.
+        let [pushed, alone] = [[-1.2, -0.4], [0.0; 2]].map(|slope_m_s2| asked([0.0; 2], slope_m_s2, true).1);
+        assert_eq!(pushed, alone);
     }
 }

@@ -61,7 +61,7 @@ const RESTING_1_S: f64 = 20.0;
 #[derive(Clone, Debug)]
 pub(super) struct Identification {
     estimate: Estimate<BODY>,
-    /// The same with a slope, for the watches of slip alone: the law's mass learns quicker and truer without one.
+    /// The same with a slope, for the watches of slip and what motions may take: the law's mass learns quicker and truer without one.
     watched: Estimate<WATCHED>,
     /// How far the platform turned, rad: a slope's force is kept in axes that don't turn.
     turned_rad: f64,
