@@ -103,7 +103,9 @@ impl Ability {
 
     /// The friction of a floor on which every wheel grips in a moment of a motion; 0 where nothing is known of the wheels.
     pub fn friction_needed(&self, setpoint: &Setpoint) -> f64 {
-        self.stance.as_ref().map_or(0.0, |(footing, dynamics)| footing.needs(setpoint, dynamics).friction)
+        self.stance
+            .as_ref()
+            .map_or(0.0, |(footing, dynamics)| footing.needs(setpoint, dynamics, [0.0; 2]).friction)
     }
 
     /// Every wheel pushes at most what the floor gives it, with its load as the acceleration shifts it.

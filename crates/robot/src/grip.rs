@@ -419,7 +419,7 @@ impl Grip {
             push_n: [wrench.fx_n, wrench.fy_n],
             slope_n,
             friction_n: std::array::from_fn(|axis| spin_n * by_spin[axis] + roller_n * by_roller[axis]),
-            speed_m_s: omnibase_platform::length([self.shown[0], self.shown[1]]),
+            speed_m_s: [self.shown[0], self.shown[1]],
             turn_rad_s: motion.turn_rad_s,
             learnt_kg: mass_kg - SIGMAS * mass_sigma_kg,
         }
@@ -528,6 +528,7 @@ impl Grip {
         GripReport {
             dynamics: self.identification.dynamics(),
             mass_sigma_kg: self.identification.mass_sigma_kg(),
+            slope_m_s2: self.identification.slope_m_s2(),
             slip_m_s: self.wheels.map(|wheel| wheel.slide.map_or(wheel.ahead_m_s, |slide| slide.ahead_m_s)),
             slipped_m: self.wheels.map(|wheel| if wheel.is_loose() { wheel.way_m } else { 0.0 }),
             felt: self.felt,

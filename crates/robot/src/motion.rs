@@ -197,11 +197,14 @@ impl Motion {
 
     /// The rate of a plan that is gone along: it rises no further where wheels give all that was planned already.
     fn planned_rate(&self) -> f64 {
-        if self.carried.asked == Asked::AsPlanned {
-            self.warm_rate
-        } else {
-            self.warm_rate.min(self.rate_now)
-        }
+        let rate = self.full_rate();
+        if self.carried.asked == Asked::AsPlanned { rate } else { rate.min(self.rate_now) }
+    }
+
+    /// The greatest rate of a plan, by how warm the motors are and how steep the floor is.
+    fn full_rate(&self) -> f64 {
+        let slope_rate = self.reference.planned_for().map_or(1.0, |plan| self.carried.slope_rate(&plan));
+        self.warm_rate.min(slope_rate)
     }
 
     pub(crate) fn course(&self) -> Course {
@@ -433,7 +436,7 @@ impl Motion {
             && (plan.vx_m_s - here.vx_m_s).hypot(plan.vy_m_s - here.vy_m_s) <= WITH_PLAN
             && (plan.w_rad_s - here.w_rad_s).abs() <= WITH_PLAN;
         // Who was off comes back where the floor carries the plan at its full rate in whatever direction.
-        self.is_on_plan = goes_with && !is_hindered && (self.is_on_plan || self.rate_now >= self.warm_rate);
+        self.is_on_plan = goes_with && !is_hindered && (self.is_on_plan || self.rate_now >= self.full_rate());
     }
 
     /// Whether obstacles let the plan make no headway for too long.

@@ -12,6 +12,9 @@
 //! can't give its part, the wheels that bear more take it over (`sharing.rs`).
 //!
 //! Where the file says nothing of the floor nothing is counted on or held back, but for wheels that spin while the robot stops.
+//!
+//! On a slope wheels push the platform and hold it: what they need for an acceleration a on a slope that pulls it with g is what they
+//! need for a − g on a level floor, loads included. So much less is left for motions and stops, whichever way the platform is turned.
 
 mod footing;
 mod reliance;
@@ -54,6 +57,9 @@ const LEAST_SHARE: f64 = 0.05;
 const RISES_1_S: f64 = 0.5;
 /// A wheel that the platform leans away from is held back as if it bore this part of the mean load at least.
 const LEANING_LOAD: f64 = 0.1;
+/// What a level floor carries of which nothing is told, m/s², where the file's accelerations aren't more: that of hard polyurethane, a
+/// friction of 0.20 (`omnibase_robot_sim::floor` has the source), in the weakest direction of three wheels.
+const CARRIED_M_S2: f64 = 1.5;
 /// A wheel that slips gets this part of what it could push: its rim comes back to the platform's speed.
 const SLIPPING: f64 = 0.5;
 
@@ -108,7 +114,15 @@ impl Traction {
         let is_behind = friction.is_some() && (self.report.is_capped() || grip.slips());
         self.behind_s = if is_behind { BEHIND_S } else { (self.behind_s - time.period_s()).max(0.0) };
         let rises = self.report.share + RISES_1_S * time.period_s();
-        let share = friction.map_or(1.0, |friction| self.share(PLANNED * friction, grip).min(rises));
+        let share = match friction {
+            Some(friction) => self.share(PLANNED * friction, grip),
+            // On a level floor the file's accelerations are carried, whatever they are.
+            None => {
+                let most_m_s2 = self.limits.acceleration_m_s2;
+                ((most_m_s2.max(CARRIED_M_S2) - pull_m_s2(grip)) / most_m_s2).min(1.0)
+            }
+        };
+        let share = share.max(LEAST_SHARE).min(rises);
         self.report = TractionReport { friction, share, factor: 1.0 };
         self.report
     }
@@ -123,9 +137,10 @@ impl Traction {
         Carried {
             share: self.report.share,
             friction: self.report.friction.map(|friction| PLANNED * friction),
+            slope: self.footing.slope_friction(&grip.dynamics, pull_m_s2(grip)),
             mass_kg: grip.dynamics.mass_kg - MASS_SIGMAS * grip.mass_sigma_kg,
             asked: self.report.friction.map_or(Asked::AsPlanned, |friction| {
-                let needs = self.footing.needs(setpoint, &grip.dynamics);
+                let needs = self.footing.needs(setpoint, &grip.dynamics, grip.slope_m_s2);
                 let is_given = |part: f64| {
                     setpoint.is_finite()
                         && needs.friction <= part * friction
@@ -173,13 +188,14 @@ impl Traction {
         let of_wheel = |wheel: usize| {
             let Push { force, lighter, left_n, .. } = self.footing.push(wheel, friction, &grip.dynamics);
             let worst = |sign: f64| length([sign * force[0] + lighter[0], sign * force[1] + lighter[1]]);
-            let needed_n =
-                acceleration_m_s2 * worst(1.0).max(worst(-1.0)) + turn_acceleration_rad_s2 * force[2].abs();
-            left_n / needed_n
+            let worst_kg = worst(1.0).max(worst(-1.0));
+            let needed_n = acceleration_m_s2 * worst_kg + turn_acceleration_rad_s2 * force[2].abs();
+            // What holds the platform on a slope is pushed like what speeds it up, and leans it as far.
+            (left_n - pull_m_s2(grip) * worst_kg) / needed_n
         };
         let share = (0..self.footing.wheels).map(of_wheel).fold(1.0, f64::min);
         // Before anything is known of a mass there is nothing to bound.
-        if share.is_nan() { 1.0 } else { share.max(LEAST_SHARE) }
+        if share.is_nan() { 1.0 } else { share }
     }
 
     /// Torques that the floor carries: all scaled alike where a wheel would slip. Where nothing is counted on each wheel that spins is
@@ -200,11 +216,13 @@ impl Traction {
             return wished;
         };
         let acceleration = setpoint.acceleration_in_odom.rotated(-setpoint.odom_from_body.heading_rad);
+        // So does a push, which looks like a slope.
+        let [pull_x, pull_y] = if stops { [0.0; 2] } else { grip.slope_m_s2 };
         let footing = &self.footing;
         let leans_m = footing.height_m / GRAVITY_M_S2;
         let centre_m = grip.dynamics.centre_m();
-        // How far inertia shifts where the weight presses.
-        let leans = [-leans_m * acceleration.vx_m_s, -leans_m * acceleration.vy_m_s];
+        // How far inertia and slope shift where the weight presses.
+        let leans = [-leans_m * (acceleration.vx_m_s - pull_x), -leans_m * (acceleration.vy_m_s - pull_y)];
         let told_n = if stops { footing.mean_n(self.told_kg) } else { 0.0 };
         let (mean_n, [spin_n, _]) =
             (footing.mean_n(grip.dynamics.mass_kg).max(told_n), grip.dynamics.friction_n);
@@ -242,5 +260,116 @@ impl Traction {
             saturation: factor * wished.saturation,
             ..wished
         }
+    }
+}
+
+/// How hard a slope may pull whichever way the platform is turned, m/s²: of what is no number, harder than any.
+fn pull_m_s2(grip: &GripReport) -> f64 {
+    let pull_m_s2 = length(grip.slope_m_s2);
+    if pull_m_s2.is_nan() { f64::INFINITY } else { pull_m_s2 }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Registry;
+    use crate::signals::Dynamics;
+    use omnibase_platform::Twist2;
+
+    const BMM: &str = include_str!("../../../robots/bmm.toml");
+    const TOLD: &str = "\n[grip]\nfriction = 0.5\ncentre_of_mass_height_m = 0.25\n";
+    const TIME: CycleTime = CycleTime { index: 0, now_ns: 0, period_ns: 1_000_000 };
+
+    /// The BMM with another acceleration, m/s², on a floor of which this is told.
+    fn bmm(acceleration_m_s2: f64, told: &str) -> Traction {
+        let text =
+            BMM.replace("\nacceleration_m_s2 = 1.5", &format!("\nacceleration_m_s2 = {acceleration_m_s2:?}"));
+        let no_files = |_: &str| Err(String::new());
+        let plan = RobotPlan::from_toml(&format!("{text}{told}"), &Registry::with_built_in(), &no_files);
+        Traction::new(&plan.unwrap_or_else(|problems| panic!("{problems:?}")))
+    }
+
+    /// What is felt on a slope that pulls so, m/s².
+    fn on(slope_m_s2: [f64; 2]) -> GripReport {
+        let dynamics = Dynamics { mass_kg: 70.0, inertia_kg_m2: 7.0, ..Dynamics::default() };
+        GripReport { dynamics, slope_m_s2, ..GripReport::default() }
+    }
+
+    fn accelerating(x_m_s2: f64, y_m_s2: f64) -> Setpoint {
+        Setpoint { acceleration_in_odom: Twist2::new(x_m_s2, y_m_s2, 0.0), ..Setpoint::default() }
+    }
+
+    fn share(traction: &mut Traction, slope_m_s2: [f64; 2]) -> f64 {
+        traction.look(&TIME, &on(slope_m_s2), &PlatformState::default()).share
+    }
+
+    #[test]
+    fn a_slope_leaves_less_of_the_accelerations_that_a_level_floor_carries() {
+        assert_eq!(share(&mut bmm(1.5, ""), [0.0; 2]), 1.0);
+        let steep = [0.36, -0.48];
+        let mut shipped = bmm(1.5, "");
+        assert!((share(&mut shipped, steep) - (1.5 - 0.6) / 1.5).abs() < 1e-12);
+        // So do stops.
+        assert!((shipped.limits().acceleration_m_s2 - 0.9).abs() < 1e-12);
+        // Who asks for little of the floor is held back by nothing, and who asks for more had it on a level floor.
+        assert_eq!(share(&mut bmm(0.4, ""), steep), 1.0);
+        assert!((share(&mut bmm(3.0, ""), steep) - 0.8).abs() < 1e-12);
+        for (steeper, told) in [[9.0, 0.0], [f64::NAN, 0.0]]
+            .into_iter()
+            .flat_map(|steeper| ["", TOLD].map(|told| (steeper, told)))
+        {
+            assert_eq!(share(&mut bmm(1.5, told), steeper), LEAST_SHARE, "{told}");
+        }
+        // It comes back slowly.
+        let after = share(&mut shipped, [0.0; 2]);
+        assert!((after - 0.6 - 1e-3 * RISES_1_S).abs() < 1e-12, "{after}");
+    }
+
+    #[test]
+    fn on_a_floor_that_is_told_every_wheel_grips_on_a_slope_whichever_way_it_drives() {
+        let mut traction = bmm(6.0, TOLD);
+        let level = share(&mut traction, [0.0; 2]);
+        let carried = share(&mut traction, [0.6, 0.0]);
+        assert!(carried < level, "{carried}, {level}");
+        let takes = traction.footing.slope_friction(&on([0.0; 2]).dynamics, 0.6);
+        let mut worst = [0.0_f64; 2];
+        for (way, slope) in (0..24).flat_map(|way| (0..24).map(move |slope| (way, slope))) {
+            let angle = |step: i32| f64::from(step) * std::f64::consts::TAU / 24.0;
+            let (pull_y, pull_x) = angle(slope).sin_cos();
+            let grip = on([0.6 * pull_x, 0.6 * pull_y]);
+            let held = traction.footing.needs(&accelerating(0.0, 0.0), &grip.dynamics, grip.slope_m_s2);
+            assert!((0.5 * takes..=takes).contains(&held.friction), "{held:?}, {takes}");
+            for (worst, share) in worst.iter_mut().zip([carried, level]) {
+                let (y, x) = angle(way).sin_cos();
+                let setpoint = accelerating(6.0 * share * x, 6.0 * share * y);
+                let needs = traction.footing.needs(&setpoint, &grip.dynamics, grip.slope_m_s2);
+                *worst = worst.max(needs.friction);
+            }
+        }
+        let [carried, level] = worst;
+        assert!(carried <= 0.8 * 0.5 && level > 0.8 * 0.5, "{carried}, {level}");
+    }
+
+    #[test]
+    fn who_is_held_on_a_slope_pushes_and_leans_as_who_speeds_up_against_it() {
+        let told = "\n[grip]\nfriction = 0.2\ncentre_of_mass_height_m = 0.4\n";
+        let mut traction = bmm(1.5, told);
+        let mut asked = |[x, y]: [f64; 2], slope_m_s2: [f64; 2], stops: bool| {
+            let (setpoint, grip) = (accelerating(x, y), on(slope_m_s2));
+            traction.look(&TIME, &grip, &PlatformState::default());
+            let needs = traction.footing.needs(&setpoint, &grip.dynamics, slope_m_s2);
+            let mut wished = Commands { quantity: Quantity::Torque, ..Commands::default() };
+            wished.values[..3].copy_from_slice(&[1.0, -9.0, 8.0]);
+            (needs, traction.cap(wished, &setpoint, &grip, stops).values)
+        };
+        let speeds_up = asked([1.2, 0.4], [0.0; 2], false);
+        let held = asked([0.0; 2], [-1.2, -0.4], false);
+        let level = asked([0.0; 2], [0.0; 2], false);
+        assert_eq!(speeds_up, held);
+        assert_ne!(held.1, level.1);
+        assert_eq!(level.0.friction, 0.0);
+        // A push looks like a slope: a stop isn't held back by how far one would lean it.
+        let [pushed, alone] = [[-1.2, -0.4], [0.0; 2]].map(|slope_m_s2| asked([0.0; 2], slope_m_s2, true).1);
+        assert_eq!(pushed, alone);
     }
 }

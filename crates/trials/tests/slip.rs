@@ -113,6 +113,26 @@ fn a_slope_is_not_said_to_make_wheels_slip() {
 }
 
 #[test]
+fn what_a_slope_takes_of_the_floor_is_not_driven_with() {
+    // 49 and 39 mm of slip where motions are driven as on a level floor.
+    let square =
+        "kind = \"path\"\npoints = [[0, 0, 0, 0], [5, 2, 0, 0], [10, 2, 2, 0], [15, 0, 2, 0], [20, 0, 0, 0]]";
+    let eight = "kind = \"eight\"\nhalf_length_m = 0.8";
+    let by_torque = "kind = \"adaptive_torque\"\nmass_kg = 60.0\ninertia_kg_m2 = 4.0";
+    let mecanum = MECANUM.replacen("kind = \"closed_loop_speed\"", by_torque, 1);
+    // Downhill by torque it stood on less than the slope, and is told of no slip.
+    let bmm = BMM.replacen("kind = \"closed_loop_speed\"", "kind = \"adaptive_torque\"", 1);
+    for (robot, motion, direction_rad) in [(BMM, square, 3.24), (&bmm, square, 0.1), (&mecanum, eight, 1.67)]
+    {
+        let text = on_a_slope(robot, 0.07, direction_rad);
+        // It stood with its drives enabled, as robots do before somebody tells them to go.
+        let slid = Slid::of_rested(&format!("{text}\n[reference]\n{motion}\ntiming = \"fastest\"\n"), 300);
+        println!("{motion}: {slid:?}");
+        assert!(slid.run.finished && slid.told.is_none() && slid.way_m < 1e-3, "{motion}: {slid:?}");
+    }
+}
+
+#[test]
 fn half_of_the_friction_that_was_told_is_told_as_slip_on_a_slope_too() {
     for name in ["square", "circle"] {
         for direction_rad in [0.1, 3.2] {

@@ -50,6 +50,10 @@ const MOST_SLOPE: f64 = 0.1;
 const LEAST_SLOPE: f64 = 0.01;
 /// What friction holds of a slope at least, where nothing is known of it.
 const HELD_SLOPE: f64 = 0.025;
+/// So steep a level floor may look while wheels slide; motions count with steeper ones, and from there on with so much more for each part
+/// more until they count with all of it.
+const LOOKS_STEEP: f64 = 0.02;
+const STEEPER: f64 = 2.0;
 /// How fast it is drawn to what wheels that stand hold against, 1/s.
 const RESTING_1_S: f64 = 20.0;
 
@@ -57,7 +61,7 @@ const RESTING_1_S: f64 = 20.0;
 #[derive(Clone, Debug)]
 pub(super) struct Identification {
     estimate: Estimate<BODY>,
-    /// The same with a slope, for the watches of slip alone: the law's mass learns quicker and truer without one.
+    /// The same with a slope, for the watches of slip and what motions may take: the law's mass learns quicker and truer without one.
     watched: Estimate<WATCHED>,
     /// How far the platform turned, rad: a slope's force is kept in axes that don't turn.
     turned_rad: f64,
@@ -161,6 +165,22 @@ impl Identification {
             mass_sigma_kg: self.watched.covariance[0][0].max(0.0).sqrt(),
             slope_n: [told * (cos * x + sin * y), told * (cos * y - sin * x)],
         }
+    }
+
+    /// How hard a slope may pull the platform in body axes, m/s²: with a standard deviation of what isn't known of it, and not at all
+    /// where a level floor on which wheels slide may look so.
+    pub(super) fn slope_m_s2(&self) -> [f64; 2] {
+        let (sin, cos) = self.turned_rad.sin_cos();
+        let [mass_kg, .., along_n, across_n] = self.watched.theta;
+        let [x, y] = [cos * along_n + sin * across_n, cos * across_n - sin * along_n];
+        let slope = omnibase_platform::length([x, y]);
+        if slope <= LOOKS_STEEP * GRAVITY_M_S2 * mass_kg {
+            return [0.0; 2];
+        }
+        let variance = self.watched.covariance[BODY][BODY].max(self.watched.covariance[BODY + 1][BODY + 1]);
+        let most_n = slope + variance.max(0.0).sqrt();
+        let sure_n = STEEPER * (slope - LOOKS_STEEP * GRAVITY_M_S2 * mass_kg);
+        [x, y].map(|axis| axis / slope * sure_n.min(most_n) / mass_kg)
     }
 
     /// What wheels that stand push with, and what friction is known to hold of it, by axis in body axes, N: nothing moves by what is
@@ -398,6 +418,34 @@ mod tests {
         // A level floor has none.
         let level = driven(60.0, &|_| 0.0, [0.0; 2], &|_| true);
         assert_eq!(level.watched().slope_n, [0.0; 2]);
+    }
+
+    #[test]
+    fn what_a_slope_may_pull_is_told_in_body_axes_and_a_level_floor_pulls_nothing() {
+        // 5 and 3 % of 173 kg, and as much more as isn't known.
+        let slope_n = [85.0, -51.0];
+        let one = driven(60.0, &|_| 0.0, slope_n, &|_| true);
+        let pull = one.slope_m_s2();
+        let (size, true_m_s2) = (omnibase_platform::length(pull), omnibase_platform::length(slope_n) / 173.0);
+        assert!((true_m_s2..true_m_s2 + 0.15).contains(&size), "{size} of {true_m_s2} m/s²");
+        let (sin, cos) = one.turned_rad.sin_cos();
+        let in_world = [cos * pull[0] - sin * pull[1], sin * pull[0] + cos * pull[1]];
+        let along = (in_world[0] * slope_n[0] + in_world[1] * slope_n[1]) / (173.0 * true_m_s2 * size);
+        assert!(along > 0.99, "{in_world:?}");
+        // Nor does one that looks steep while wheels slide; from there on more is counted with bit by bit.
+        let mut level = driven(60.0, &|_| 0.0, [0.0; 2], &|_| true);
+        assert_eq!(level.slope_m_s2(), [0.0; 2]);
+        let weight_n = level.watched.theta[0] * GRAVITY_M_S2;
+        let mut pull = |steep: f64| {
+            (level.watched.theta[BODY], level.watched.theta[BODY + 1]) = (steep * weight_n, 0.0);
+            omnibase_platform::length(level.slope_m_s2()) / GRAVITY_M_S2
+        };
+        assert_eq!(pull(0.99 * LOOKS_STEEP), 0.0);
+        assert!(pull(1.01 * LOOKS_STEEP) < 0.001, "{}", pull(1.01 * LOOKS_STEEP));
+        let steps = (1..100).map(|step| 0.001 * f64::from(step));
+        steps.for_each(|steep| {
+            assert!(pull(steep + 0.001) - pull(steep) <= 0.001 * STEEPER + 1e-9, "{steep}")
+        });
     }
 
     #[test]

@@ -12,11 +12,14 @@ use crate::decay::Decay;
 
 /// By which part of what its drives tell a platform's motors may give more.
 const MORE_SHARE: f64 = 0.05;
-/// A slope that may help, over gravity; and with what a mass that was learnt on it is off.
+/// A slope that may help beside the one that is known, over gravity; and with what a mass that was learnt on it is off.
 const SLOPE: f64 = 0.03;
 const LEARNT_SLOPE: f64 = 0.05;
-/// Of a gentler motion what friction is off hides more than the masses' tolerances give, m/s².
+/// Of a gentler motion what friction is off hides more than the masses' tolerances give, m/s². On a slope that is known motions are gentler
+/// (`traction.rs`), and where wheels speed the platform up, within this cosine of its way, friction only adds to what they push.
 const GENTLE_M_S2: f64 = 1.5;
+const SLOPE_GENTLE_M_S2: f64 = 1.0;
+const ALONG: f64 = 0.7;
 /// What gets less than this part of what it got while it slid grips.
 const STILL_GIVEN: f64 = 0.5;
 
@@ -34,7 +37,7 @@ pub(super) struct Shown {
     /// What a slope pushes it with, N.
     pub(super) slope_n: Vector,
     /// How fast the rims say that the platform is, m/s and rad/s.
-    pub(super) speed_m_s: f64,
+    pub(super) speed_m_s: Vector,
     pub(super) turn_rad_s: f64,
     /// The least that was learnt of its mass, kg.
     pub(super) learnt_kg: f64,
@@ -122,19 +125,20 @@ impl Steady {
             *old = std::array::from_fn(|axis| keep * old[axis] + (1.0 - keep) * new[axis]);
         }
         let mass_kg = self.told_kg.max(learnt_kg);
-        if *speed_m_s < HELD_M_S || mass_kg <= 0.0 {
+        if omnibase_platform::length(*speed_m_s) < HELD_M_S || mass_kg <= 0.0 {
             self.grips();
             return None;
         }
-        let size = omnibase_platform::length(*acceleration);
-        let direction = if size > 0.0 { acceleration.map(|axis| axis / size) } else { Vector::default() };
+        // On a slope wheels push as on a level floor for so much more.
+        let asked: Vector = std::array::from_fn(|axis| acceleration[axis] - slope_n[axis] / mass_kg);
+        let size = omnibase_platform::length(asked);
+        let direction = if size > 0.0 { asked.map(|axis| axis / size) } else { Vector::default() };
         let push_n = dot(self.push_n, direction);
         // Friction that brakes where the wheels brake.
         let helps_n = (-dot(self.friction_n, direction)).max(0.0);
         let given_n = push_n + helps_n;
-        let all_n = given_n + dot(*slope_n, direction);
         // Who is slowed by wheels while speeding up goes downhill.
-        let is_missing = |least_n: f64| push_n >= LEAST_N && all_n < least_n;
+        let is_missing = |least_n: f64| push_n >= LEAST_N && given_n < least_n;
         if is_missing(mass_kg * size) {
             self.given_n = given_n;
         }
@@ -142,8 +146,8 @@ impl Steady {
         let [x, y] = self.ahead_m_s;
         let carried = [cos * x + sin * y, cos * y - sin * x];
         let ahead_m_s: Vector = std::array::from_fn(|axis| {
-            let force_n = self.push_n[axis] + slope_n[axis] + helps_n * direction[axis];
-            carried[axis] + span_s * (acceleration[axis] - force_n / mass_kg)
+            let force_n = self.push_n[axis] + helps_n * direction[axis];
+            carried[axis] + span_s * (asked[axis] - force_n / mass_kg)
         });
         // What slides is pushed where its rims run ahead, and by as much as before.
         let along_n = dot(self.push_n, ahead_m_s) / omnibase_platform::length(ahead_m_s);
@@ -154,8 +158,11 @@ impl Steady {
         } else {
             self.way_m * (-span_s / FORGOTTEN_S).exp()
         };
+        let speeds_up = dot(*speed_m_s, direction) > ALONG * omnibase_platform::length(*speed_m_s);
+        let is_steep = *slope_n != [0.0; 2];
+        let gentle_m_s2 = if is_steep && speeds_up { SLOPE_GENTLE_M_S2 } else { GENTLE_M_S2 };
         let least_n = |mass_kg: f64, slope: f64| {
-            if size > GENTLE_M_S2 { mass_kg * (size - slope * GRAVITY_M_S2) } else { 0.0 }
+            if size > gentle_m_s2 { mass_kg * (size - slope * GRAVITY_M_S2) } else { 0.0 }
         };
         if is_missing(least_n(self.told_kg, SLOPE).max(least_n(learnt_kg, LEARNT_SLOPE))) {
             self.since_s += span_s;
@@ -217,7 +224,7 @@ mod tests {
                 push_n,
                 friction_n: [-4.0 * sin, 4.0 * cos],
                 slope_n: [0.0; 2],
-                speed_m_s: 0.7,
+                speed_m_s: [0.7 * sin, -0.7 * cos],
                 turn_rad_s: 0.0,
                 learnt_kg,
             };
@@ -295,12 +302,48 @@ mod tests {
                 push_n: [2.0, 0.0],
                 friction_n: [0.0; 2],
                 slope_n: [0.0; 2],
-                speed_m_s: 0.7,
+                speed_m_s: [0.7, 0.0],
                 turn_rad_s: 0.0,
                 learnt_kg: -20.0,
             };
             assert!((0..500).all(|_| steady.look(&shown, PERIOD_S).is_none()), "{along}");
         }
+    }
+
+    /// Whether a platform of 70 kg slides that drives along x at 0.7 m/s with an acceleration along x, on a slope that pulls it with a part
+    /// of its weight, and whose wheels push so much less than that takes, m/s².
+    fn slides_along(x_m_s2: f64, slope: f64, missing_m_s2: f64) -> bool {
+        let mut steady = Steady::new(66.5);
+        let slope_n = [slope * 66.5 * GRAVITY_M_S2, 0.0];
+        let asked_n = 66.5 * x_m_s2 - slope_n[0];
+        let keep = Decay::new(FAST_1_S).kept(PERIOD_S);
+        (1..300).any(|cycle| {
+            let shown = Shown {
+                acceleration: [x_m_s2 * (1.0 - keep.powi(cycle)), 0.0],
+                push_n: [0.95 * (asked_n - asked_n.signum() * 66.5 * missing_m_s2), 0.0],
+                friction_n: [0.0; 2],
+                slope_n,
+                speed_m_s: [0.7, 0.0],
+                turn_rad_s: 0.0,
+                learnt_kg: 0.0,
+            };
+            steady.look(&shown, PERIOD_S).is_some()
+        })
+    }
+
+    #[test]
+    fn what_a_slope_that_is_known_asks_of_the_wheels_is_asked_as_well() {
+        // Up a slope of 5 % wheels push for 1.1 m/s² as for 1.6 on a level floor, and braking as for 0.6.
+        assert!(slides_along(1.1, -0.05, 0.5) && !slides_along(1.1, -0.05, 0.1));
+        assert!(slides_along(-1.1, 0.05, 0.5) && !slides_along(-1.1, -0.05, 0.5));
+    }
+
+    #[test]
+    fn on_a_slope_a_gentler_motion_that_speeds_up_slides_as_well_and_one_that_brakes_may_be_slowed_by_friction()
+     {
+        assert!(slides_along(1.2, -0.001, 0.5) && !slides_along(1.2, -0.001, 0.1));
+        assert!(!slides_along(1.2, 0.0, 0.5) && !slides_along(0.9, -0.001, 0.5));
+        assert!(!slides_along(-1.2, -0.001, 0.5) && slides_along(-1.6, 0.0, 0.5));
     }
 
     #[test]

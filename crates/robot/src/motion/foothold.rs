@@ -45,6 +45,8 @@ pub(crate) struct Carried {
     pub(crate) share: f64,
     /// The friction that plans may count on; `None` where nothing is known of the floor.
     pub(crate) friction: Option<f64>,
+    /// What a slope may take of it.
+    pub(crate) slope: f64,
     /// What the platform surely weighs, kg.
     pub(crate) mass_kg: f64,
     /// What the last setpoint asked of the wheels.
@@ -59,6 +61,7 @@ impl Carried {
     pub(super) const ALL: Carried = Carried {
         share: 1.0,
         friction: None,
+        slope: 0.0,
         mass_kg: 0.0,
         asked: Asked::AsPlanned,
         warmth: 0.0,
@@ -70,6 +73,12 @@ impl Carried {
         self.friction.is_some_and(|carried| carried >= plan.friction * (1.0 - ROUNDING))
             && self.mass_kg <= SAME_MASS * plan.mass_kg
             && self.asked < Asked::TooMuch
+    }
+
+    /// The rate at which a slope leaves of this floor what a plan takes: its accelerations go with the rate's square.
+    pub(super) fn slope_rate(&self, plan: &PlannedFor) -> f64 {
+        let left = (self.friction.unwrap_or(0.0) - self.slope) / plan.friction;
+        if self.slope == 0.0 { 1.0 } else { left.max(0.0).sqrt().clamp(LEAST_RATE, 1.0) }
     }
 
     /// The rate at which motors that are warm already bear a plan that counts on cold ones: its heat goes with the rate's fourth power.
@@ -201,6 +210,21 @@ mod tests {
         wheel_speed_rad_s: 15.0,
         wheel_torque_nm: 21.0,
     };
+
+    #[test]
+    fn a_plan_is_slower_by_what_a_slope_takes_of_the_friction_that_it_was_planned_with() {
+        let plan = PlannedFor { friction: 0.4, mass_kg: 70.0, heat: 0.0 };
+        let rate = |slope: f64| Carried { friction: Some(0.4), slope, ..Carried::ALL }.slope_rate(&plan);
+        assert_eq!(rate(0.0), 1.0);
+        // Its accelerations go with the square.
+        assert!((0.4 * rate(0.1).powi(2) + 0.1 - 0.4).abs() < 1e-12, "{}", rate(0.1));
+        for none_is_left in [0.4, 0.7, f64::NAN] {
+            assert_eq!(rate(none_is_left), LEAST_RATE);
+        }
+        // A floor that is better than planned with leaves the plan as it is.
+        let better = Carried { friction: Some(0.6), slope: 0.1, ..Carried::ALL };
+        assert_eq!(better.slope_rate(&plan), 1.0);
+    }
 
     #[test]
     fn a_plan_speeds_up_no_more_than_the_floor_carries_and_not_at_all_for_a_platform_that_is_behind() {

@@ -50,6 +50,8 @@ pub struct GripReport {
     pub dynamics: Dynamics,
     /// The standard deviation of the mass, kg.
     pub mass_sigma_kg: f64,
+    /// How hard a slope may pull the platform, x and y in base_link, m/s²; 0 where the floor may be level.
+    pub slope_m_s2: [f64; 2],
     /// By how much each wheel's rim is faster than the floor under it, as forces tell, m/s.
     pub slip_m_s: [f64; MAX_WHEELS],
     /// How far each wheel slipped lately, m, this time and within two seconds before; 0 where it grips.

@@ -1,6 +1,6 @@
 //! How a platform's wheels stand on the floor: what each pushes for an acceleration, and what the floor gives it.
 
-use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2, axes};
+use omnibase_platform::{Kinematics, MAX_WHEELS, Wrench2, axes, length};
 use omnibase_trajectory::reach::resisting;
 
 use crate::grip::GRAVITY_M_S2;
@@ -101,11 +101,18 @@ impl Footing {
         self.rollers.iter().map(|roller| roller.map(|part| roller_n * part)).collect()
     }
 
-    /// What a moment of a motion asks of the wheels.
-    pub(crate) fn needs(&self, setpoint: &Setpoint, dynamics: &Dynamics) -> Needs {
+    /// What a moment of a motion asks of the wheels, of a platform that a slope pulls so in its axes, m/s².
+    pub(crate) fn needs(
+        &self,
+        setpoint: &Setpoint,
+        dynamics: &Dynamics,
+        [pull_x, pull_y]: [f64; 2],
+    ) -> Needs {
         let turn_rad = -setpoint.odom_from_body.heading_rad;
         let [twist, [x, y, turn]] = [setpoint.twist_in_odom, setpoint.acceleration_in_odom]
             .map(|twist| axes(&twist.rotated(turn_rad)));
+        // Who is held on a slope pushes, and leans, as who speeds up against it.
+        let [x, y] = [x - pull_x, y - pull_y];
         let roller_n = self.roller_n(dynamics);
         let mut rollers = [[0.0; 3]; MAX_WHEELS];
         for (row, roller) in rollers.iter_mut().zip(&self.rollers) {
@@ -124,6 +131,16 @@ impl Footing {
             needs.torque_nm = needs.torque_nm.max(self.radius_m[wheel] * force_n.abs());
         }
         needs
+    }
+
+    /// The friction by which every wheel grips that holds its part of a platform on a slope of such a pull, m/s².
+    pub(crate) fn slope_friction(&self, dynamics: &Dynamics, pull_m_s2: f64) -> f64 {
+        let of_wheel = |wheel: usize| {
+            let Push { force: [x, y, _], lighter, given_n, .. } = self.push(wheel, 1.0, dynamics);
+            let load_n = given_n - pull_m_s2 * length(lighter);
+            pull_m_s2 * length([x, y]) / load_n.max(LEAST_N)
+        };
+        if pull_m_s2 == 0.0 { 0.0 } else { (0..self.wheels).map(of_wheel).fold(0.0, f64::max) }
     }
 
     /// What a wheel's rollers take, N.

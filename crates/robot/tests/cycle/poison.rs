@@ -19,12 +19,20 @@ use crate::support::{BMM, Bench, Random, kind, plan_with};
 
 /// What is learnt of platform and floor, whatever came.
 fn is_finite(record: &CycleRecord) -> bool {
-    let GripReport { dynamics, mass_sigma_kg, slip_m_s, slipped_m, felt, friction, friction_sigma } =
-        &record.grip;
+    let GripReport {
+        dynamics,
+        mass_sigma_kg,
+        slope_m_s2,
+        slip_m_s,
+        slipped_m,
+        felt,
+        friction,
+        friction_sigma,
+    } = &record.grip;
     let Dynamics { mass_kg, inertia_kg_m2, friction_n, mass_moment_kg_m } = dynamics;
     let numbers = [record.force_n, *felt, *mass_kg, *mass_sigma_kg, *inertia_kg_m2];
     let of_wheels = slip_m_s.iter().chain(slipped_m).chain(friction_n).chain(friction).chain(friction_sigma);
-    numbers.iter().chain(mass_moment_kg_m).chain(of_wheels).all(|number| number.is_finite())
+    numbers.iter().chain(mass_moment_kg_m).chain(slope_m_s2).chain(of_wheels).all(|number| number.is_finite())
 }
 
 const WRONG: [f64; 3] = [f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
