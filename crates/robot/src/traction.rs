@@ -216,7 +216,7 @@ impl Traction {
             return wished;
         };
         let acceleration = setpoint.acceleration_in_odom.rotated(-setpoint.odom_from_body.heading_rad);
-        // So does a push, which looks like a slope.
+        // A push looks like a slope: a stop isn't held back by how far one would lean it.
         let [pull_x, pull_y] = if stops { [0.0; 2] } else { grip.slope_m_s2 };
         let footing = &self.footing;
         let leans_m = footing.height_m / GRAVITY_M_S2;
