@@ -290,7 +290,7 @@ fn what_contradicts_itself_is_told() {
         ),
     ] {
         let file = with_device(&text);
-        assert_eq!(doubts(&file), [told.clone()], "{text}");
+        assert_eq!(doubts(&file), std::slice::from_ref(&told), "{text}");
         assert_eq!(file.notes.problems.len(), 1, "{text}");
     }
     let of_type = |bits: u8, kind: &str| {
