@@ -419,7 +419,7 @@ impl Grip {
             push_n: [wrench.fx_n, wrench.fy_n],
             slope_n,
             friction_n: std::array::from_fn(|axis| spin_n * by_spin[axis] + roller_n * by_roller[axis]),
-            speed_m_s: [self.shown[0], self.shown[1]],
+            speed_m_s: omnibase_platform::length([self.shown[0], self.shown[1]]),
             turn_rad_s: motion.turn_rad_s,
             learnt_kg: mass_kg - SIGMAS * mass_sigma_kg,
         }
