@@ -373,8 +373,14 @@ fn counts_that_contradict_the_turns_that_were_seen_are_asked_again() {
 fn what_jogs_write_over_is_put_back() {
     let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
     let remembers = Circumstances { has_memory: true, ..Circumstances::default() };
-    let found = set_up_where(remembers, &robot, &mut |_| None);
-    assert_eq!(found.max_torques, vec![3000_u16.to_le_bytes().to_vec(); 3], "{:?}", found.record.findings);
+    for on_floor in [false, true] {
+        let found = set_up_where(remembers, &robot, &mut |question| {
+            (on_floor && question.id == "floor").then(|| said("drive"))
+        });
+        assert_eq!(found.record.legs.len(), usize::from(on_floor));
+        let as_found = vec![3000_u16.to_le_bytes().to_vec(); 3];
+        assert_eq!(found.max_torques, as_found, "{on_floor}: {:?}", found.record.findings);
+    }
 }
 
 /// A drive that goes dark in the middle of its jog is on record and jogged again once it is there.

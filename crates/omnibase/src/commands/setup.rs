@@ -218,14 +218,13 @@ fn back_up(output: &Path, position: u16, bytes: &[u8]) -> anyhow::Result<()> {
     let ends = (2..).map(|number| format!("eeprom-{position}.{number}.bin"));
     for end in std::iter::once(format!("eeprom-{position}.bin")).chain(ends) {
         let path = beside(output, &end);
-        match std::fs::read(&path) {
-            Ok(kept) if kept == bytes => return Ok(()),
-            Ok(_) => {}
-            Err(error) if error.kind() == std::io::ErrorKind::NotFound => return write_whole(&path, bytes),
-            Err(error) => return Err(error).with_context(|| format!("reading `{}`", path.display())),
+        match what_is_there(&path)? {
+            None => return write_whole(&path, bytes),
+            Some(kept) if kept == bytes => return Ok(()),
+            Some(_) => {}
         }
     }
-    Ok(())
+    anyhow::bail!("no name is free beside `{}`", output.display())
 }
 
 /// Whoever is asked and holds the key.
@@ -281,18 +280,23 @@ fn beside(file: &Path, end: &str) -> PathBuf {
 
 /// What a set-up that was left has kept.
 fn kept_record(state: &Path) -> anyhow::Result<Option<Record>> {
-    match std::fs::read_to_string(state) {
-        Ok(text) => Record::from_json(&text)
-            .map(Some)
-            .map_err(|error| anyhow::anyhow!("`{}`: {error}; --anew begins anew", state.display())),
+    let Some(bytes) = what_is_there(state)? else { return Ok(None) };
+    let record = Record::from_json(&String::from_utf8_lossy(&bytes));
+    record.map(Some).map_err(|error| anyhow::anyhow!("`{}`: {error}; --anew begins anew", state.display()))
+}
+
+/// What a file holds; `None` where there is none. One that is there and can't be read is an error: it would be written over.
+fn what_is_there(path: &Path) -> anyhow::Result<Option<Vec<u8>>> {
+    match std::fs::read(path) {
+        Ok(bytes) => Ok(Some(bytes)),
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Ok(None),
-        Err(error) => Err(error).with_context(|| format!("reading `{}`", state.display())),
+        Err(error) => Err(error).with_context(|| format!("reading `{}`", path.display())),
     }
 }
 
 /// The files that are written are none that somebody else wrote, or changed since.
 fn is_own(file: &Path, told: &Path, before: Option<&Record>) -> anyhow::Result<()> {
-    if let Ok(found) = std::fs::read(file) {
+    if let Some(found) = what_is_there(file)? {
         let has_written = before.is_some_and(|record| record.done.contains(&Step::File));
         let written = before.and_then(|record| record.written.as_ref());
         anyhow::ensure!(
@@ -307,7 +311,7 @@ fn is_own(file: &Path, told: &Path, before: Option<&Record>) -> anyhow::Result<(
             file.display()
         );
     }
-    if let Ok(found) = std::fs::read(told) {
+    if let Some(found) = what_is_there(told)? {
         anyhow::ensure!(
             found.starts_with(RECORD_HEAD.as_bytes()),
             "`{}` exists, and no set-up wrote it: give --output another name",
@@ -368,6 +372,10 @@ mod tests {
         let left = Record { done: vec![Step::Find], ..Record::default() };
         let ended = Record { done: Step::ALL.to_vec(), ..Record::default() };
         assert!(is_own(&file, &told, None).is_ok());
+        // What is there and can't be read is somebody's.
+        std::fs::create_dir(&file).unwrap();
+        assert!(is_own(&file, &told, None).unwrap_err().to_string().contains("mine.toml"));
+        std::fs::remove_dir(&file).unwrap();
         std::fs::write(&file, "by hand").unwrap();
         for before in [None, Some(&left)] {
             let words = is_own(&file, &told, before).unwrap_err().to_string();
