@@ -196,3 +196,23 @@ fn a_signal_ends_a_motion_as_leaving_does() {
     }
     panic!("{:?}", jogs(&output));
 }
+
+/// Two that write one file would each lose what the other found: the second is refused, and says who writes it.
+#[test]
+fn a_second_set_up_of_one_file_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("mine.toml");
+    let _first = omnibase_host::SoleUse::of_file(&output).unwrap();
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+    let second = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+        .args(["setup", &format!("sim:{root}/segments/three-servos.toml"), "--lines"])
+        .args(["--robot", &format!("{root}/robots/bmm.toml"), "-o", output.to_str().unwrap()])
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let words = String::from_utf8_lossy(&second.stderr);
+    assert_eq!(second.status.code(), Some(1), "{words}");
+    let told = format!("mine.toml` is in use by process {}", std::process::id());
+    assert!(words.contains(&told), "{words}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing was written");
+}

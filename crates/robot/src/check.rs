@@ -3,6 +3,7 @@
 mod axis;
 mod bus;
 mod clocks;
+mod device_signals;
 mod devices;
 mod doubts;
 mod drives;

@@ -31,7 +31,7 @@ pub fn register(registry: &mut Registry) {
         meaning: "Digital and analog inputs and outputs, as its tables say",
         keys: ["inputs", "outputs", "input", "output", "parameters"].map(optional).into(),
     };
-    registry.peripherals.add(io, PeripheralDefaults::default(), Io::new);
+    registry.peripherals.add(io, PeripheralDefaults { by_signals: true, ..Default::default() }, Io::new);
     let axis = Kind {
         name: "axis",
         meaning: "A drive of the profile CiA 402 that turns no wheel: a lift, a joint, a turret",

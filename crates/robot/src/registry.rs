@@ -143,6 +143,9 @@ pub struct PeripheralDefaults {
     pub output: Vec<OutputPlan>,
     /// Parameters that every one of this kind is sent first.
     pub parameters: Vec<ParameterPlan>,
+    /// It reads and writes its signals alone: where a robot has more process data than a record holds, only the bytes in
+    /// which these have bits are kept.
+    pub by_signals: bool,
 }
 
 impl Kinds<MakeStage<dyn Controller>> {

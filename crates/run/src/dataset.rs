@@ -163,7 +163,7 @@ impl<'a> Reader<'a> {
 
     /// When the encoders of each row were read, s.
     fn instants_s(&self) -> Result<Vec<f64>, DatasetReadError> {
-        let age_s = self.plan.bus.input_age_ns() as f64 * 1e-9;
+        let age_s = self.plan.input_age_ns() as f64 * 1e-9;
         let times = self.column("/cycle", "time_ns", "a cycle's moment")?;
         Ok(times.into_iter().map(|time_ns| time_ns * 1e-9 - age_s).collect())
     }

@@ -263,10 +263,10 @@ impl<'a> Cycle<'a> {
         let from = session.clock().now();
         self.last = *self.robot.compute(self.time, exchange, request, session.image());
         let compute_ns = (session.clock().now() - from).as_nanos() as u64;
-        let inputs_ns = times.wake.0.saturating_sub(self.plan.bus.input_age_ns());
+        let inputs_ns = times.wake.0.saturating_sub(self.plan.input_age_ns());
         let truth = self.witness.as_mut().map(|witness| witness.look(inputs_ns));
         if let Some((sensors, truth)) = self.sensors.as_mut().zip(truth.as_ref()) {
-            sensors.look(self.time.now_ns.saturating_sub(self.plan.bus.input_age_ns()), truth);
+            sensors.look(self.time.now_ns.saturating_sub(self.plan.input_age_ns()), truth);
         }
         let errors = self.tracking.take(&self.last, truth.as_ref());
         let authority = self.live.as_ref().map(LiveEnd::authority).unwrap_or_default();

@@ -117,9 +117,9 @@ impl Stepped {
             sensors.hear(&mut self.robot, time.now_ns);
         }
         self.last = *self.robot.compute(time, exchange, request, self.session.image());
-        let truth = self.witness.look(times.wake.0.saturating_sub(self.plan.bus.input_age_ns()));
+        let truth = self.witness.look(times.wake.0.saturating_sub(self.plan.input_age_ns()));
         if let Some(sensors) = &mut self.sensors {
-            sensors.look(time.now_ns.saturating_sub(self.plan.bus.input_age_ns()), &truth);
+            sensors.look(time.now_ns.saturating_sub(self.plan.input_age_ns()), &truth);
         }
         let plan = self.conductor.as_ref();
         self.extras = CycleExtras {

@@ -16,6 +16,8 @@ const WRITE_ENABLE_ERROR: u16 = 1 << 14;
 const BUSY: u16 = 1 << 15;
 /// Bytes of the configuration area that the checksum guards.
 const CONFIGURATION: usize = 14;
+/// The largest EEPROM whose address has one byte (I2C, 16 KiBit).
+const ONE_ADDRESS_BYTE: usize = 2048;
 /// Byte offset of the EEPROM's size, KiBit − 1.
 const SIZE_AT: usize = 0x7C;
 
@@ -114,7 +116,7 @@ impl SiiUnit {
             return None;
         }
         self.job = None;
-        let at = word as usize * 2;
+        let at = self.place(word);
         match job {
             Job::Read => {
                 self.data = core::array::from_fn(|i| self.image.get(at + i).copied().unwrap_or(0xFF));
@@ -131,10 +133,16 @@ impl SiiUnit {
         }
     }
 
+    /// Where a word stands, byte. An EEPROM with two address bytes doesn't know those beyond its size: it begins anew there.
+    fn place(&self, word: u32) -> usize {
+        let at = (word as usize).saturating_mul(2);
+        if self.image.len() > ONE_ADDRESS_BYTE { at % self.image.len().next_power_of_two() } else { at }
+    }
+
     /// The 16 bytes of registers, but for the address, which is plain memory.
     pub fn registers(&self, registers: &mut [u8]) {
         let mut status = EIGHT_BYTES | self.errors | self.command;
-        if self.image.len() > 2048 {
+        if self.image.len() > ONE_ADDRESS_BYTE {
             status |= TWO_ADDRESS_BYTES;
         }
         if self.job.is_some() {
@@ -188,7 +196,6 @@ impl SiiUnit {
     pub fn command(&mut self, side: Side, control: u16, word: u32, now: u64) {
         self.errors &= !(COMMAND_ERROR | WRITE_ENABLE_ERROR);
         self.command = control & 0x0700;
-        let end = (word as usize).saturating_mul(2);
         let (job, duration) = match self.command {
             0x0000 => return,
             0x0100 => (Job::Read, self.timing.read_ns),
@@ -204,7 +211,7 @@ impl SiiUnit {
             }
         };
         // An EEPROM that isn't there doesn't acknowledge.
-        if self.image.is_empty() || (end >= self.image.len() && matches!(job, Job::Write(_))) {
+        if self.image.is_empty() || (self.place(word) >= self.image.len() && matches!(job, Job::Write(_))) {
             self.errors |= COMMAND_ERROR;
             return;
         }

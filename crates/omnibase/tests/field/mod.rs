@@ -113,6 +113,40 @@ fn an_image_that_does_not_fit_is_refused_before_it_is_begun() {
     }
 }
 
+/// An EEPROM that says nothing true of its size, and begins anew behind its end: what is written there would fall on its beginning.
+#[test]
+fn an_image_for_a_larger_eeprom_than_the_one_that_begins_anew_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    let mut image = sii::Image::default();
+    image.header.identity = sii::Identity { vendor_id: 0x539, product_code: 7, revision: 1, serial: 1 };
+    let mut small = image.emit();
+    // It says that it has the fixed part alone.
+    small[0x7C..0x7E].fill(0);
+    small.resize(4096, 0xFF);
+    std::fs::write(file("small.bin"), &small).unwrap();
+    std::fs::write(file("segment.toml"), "[[subdevice]]\nkind = \"sii\"\nsii = \"small.bin\"\n").unwrap();
+    let write = |bytes: usize| {
+        let mut other = image.clone();
+        other.header.size_kibit_less_one = (bytes / 128 - 1) as u16;
+        let mut other = other.emit();
+        other.resize(bytes, 0xFF);
+        std::fs::write(file("new.bin"), other).unwrap();
+        let (target, backup) =
+            (format!("sim:{}", file("segment.toml")), file(&format!("before-{bytes}.bin")));
+        let output = omnibase(&["eeprom", "write", &target, "0", &file("new.bin"), "--backup", &backup]);
+        let words = text(&output.stdout) + &text(&output.stderr);
+        (output.status.code(), words, std::fs::metadata(&backup).map_or(0, |backup| backup.len()))
+    };
+    let (code, words, kept) = write(8192);
+    let told =
+        "the image has 8192 bytes, the EEPROM of SubDevice 0 4096: it begins anew behind these; not written";
+    assert!(words.contains(told), "{words}");
+    assert_eq!((code, kept), (Some(1), 0), "{words}");
+    let (code, words, kept) = write(4096);
+    assert_eq!((code, kept), (Some(0), 4096), "{words}");
+}
+
 /// A first Ctrl-C doesn't leave half an EEPROM or half a firmware: it's told so, and the work goes to its end.
 #[test]
 fn what_must_be_whole_is_not_broken_off() {
@@ -259,6 +293,35 @@ fn an_exchange_says_where_frames_were_damaged() {
         assert!(told[0].as_str().unwrap().contains("damaged frames ("), "{told:?}");
         let from = "SubDevice 1: ";
         assert!(told.iter().any(|told| told.as_str().unwrap().starts_with(from)), "{told:?}");
+    });
+}
+
+/// Firmware that hangs now and then, behind a chip that answers from OP all the same.
+#[test]
+fn an_exchange_says_whose_firmware_hung() {
+    let Some(namespace) = Namespace::for_test("an_exchange_says_whose_firmware_hung") else { return };
+    let faults =
+        (0..120).map(f64::from).flat_map(|n| [format!("freeze@1:{n}"), format!("unfreeze@1:{:.1}", n + 0.4)]);
+    let faults: Vec<String> = faults.flat_map(|fault| ["--fault".to_owned(), fault]).collect();
+    namespace.run(|| {
+        let file = segment("three-servos");
+        let mut arguments = vec![file.as_str()];
+        arguments.extend(faults.iter().map(String::as_str));
+        let (_simulator, _) = Simulator::start(&arguments);
+        let two_seconds = ["exchange", Namespace::NEAR, "--cycle-us", "10000", "--cycles", "200", "--json"];
+        // Who freezes on its way to OP ends a run early.
+        let mut runs = (0..30).map(|_| omnibase(&two_seconds)).filter(|run| run.stdout.starts_with(b"{"));
+        let told = runs.find_map(|run| {
+            let report = json(&run);
+            let all =
+                ["damage", "not_operational"].map(|key| report[key].as_array().unwrap().clone()).concat();
+            all.iter()
+                .filter_map(|told| told.as_str())
+                .find(|told| told.contains("PDI watchdog"))
+                .map(String::from)
+        });
+        let told = told.expect("a run of two seconds meets a freeze");
+        assert!(told.starts_with("SubDevice 1 (") && told.contains("its firmware h"), "{told}");
     });
 }
 

@@ -10,7 +10,7 @@ use super::{Check, axis, rates};
 use crate::config::find_object as find;
 use crate::config::*;
 use crate::registry::{MakePeripheral, PeripheralDefaults, Registry};
-use crate::signals::{MAX_DEVICE_BYTES, MAX_DEVICES, MAX_SIGNALS, SignalLayout, column_name};
+use crate::signals::{MAX_DEVICE_BYTES, MAX_DEVICES, MAX_SIGNALS, SignalLayout};
 
 pub(super) fn resolve(check: &mut Check, file: &RobotFile, registry: &Registry) -> Option<Vec<DevicePlan>> {
     let (devices, drives) = (&file.device, &file.drive);
@@ -79,15 +79,15 @@ pub(super) fn room(check: &mut Check, layout: &SignalLayout) {
     }
 }
 
-struct Device<'a> {
-    check: &'a mut Check,
-    table: String,
-    own: &'a DeviceTable,
+pub(super) struct Device<'a> {
+    pub(super) check: &'a mut Check,
+    pub(super) table: String,
+    pub(super) own: &'a DeviceTable,
     file: &'a RobotFile,
 }
 
 impl Device<'_> {
-    fn setting(&self, key: &str) -> String {
+    pub(super) fn setting(&self, key: &str) -> String {
         format!("{}.{key}", self.table)
     }
 
@@ -159,6 +159,7 @@ impl Device<'_> {
             output,
             axis,
             parameters,
+            by_signals: defaults.by_signals,
             custom: own.custom.clone(),
         })
     }
@@ -227,161 +228,4 @@ impl Device<'_> {
         let Some(tables) = tables else { return Some(default.to_vec()) };
         subdevices::pdos(self.check, &self.setting(key), tables, indices)
     }
-
-    fn inputs(
-        &mut self,
-        defaults: &PeripheralDefaults,
-        axis: Option<&AxisPlan>,
-        pdos: &[PdoPlan],
-    ) -> Option<Vec<InputPlan>> {
-        let own = self.own.input.iter().enumerate().map(|(n, table)| {
-            let InputTable { name, object, bit, kind, unit, scale, offset, simulated } = table;
-            let written =
-                Written { name, object, bit: *bit, kind: *kind, unit, scale: *scale, offset: *offset };
-            let key = format!("input[{n}]");
-            let (name, unit, coding) = self.signal(&key, "inputs", &written, pdos)?;
-            let reason = "the process data can't hold it";
-            self.held(&format!("{key}.simulated"), *simulated, &coding, reason)?;
-            Some(InputPlan { name, unit, coding: Some(coding), simulated: *simulated })
-        });
-        let own: Vec<Option<InputPlan>> = own.collect();
-        let of_axis = axis.map(AxisPlan::signals).unwrap_or_default();
-        defaults.input.iter().cloned().chain(of_axis).map(Some).chain(own).collect()
-    }
-
-    fn outputs(&mut self, defaults: &PeripheralDefaults, pdos: &[PdoPlan]) -> Option<Vec<OutputPlan>> {
-        let own = self.own.output.iter().enumerate().map(|(n, table)| {
-            let OutputTable { name, object, bit, kind, unit, scale, offset, on_stop } = table;
-            let written =
-                Written { name, object, bit: *bit, kind: *kind, unit, scale: *scale, offset: *offset };
-            let key = format!("output[{n}]");
-            let (name, unit, coding) = self.signal(&key, "outputs", &written, pdos)?;
-            let on_stop = on_stop.unwrap_or(0.0);
-            let reason = "the process data can't hold it, and the output is it when the robot stops";
-            self.held(&format!("{key}.on_stop"), Some(on_stop), &coding, reason)?;
-            Some(OutputPlan { name, unit, coding: Some(coding), on_stop })
-        });
-        let own: Vec<Option<OutputPlan>> = own.collect();
-        defaults.output.iter().cloned().map(Some).chain(own).collect()
-    }
-
-    /// A value that the process data must be able to hold; `None` where they aren't.
-    fn held(&mut self, key: &str, value: Option<f64>, coding: &Coding, reason: &str) -> Option<()> {
-        let Some(value) = value.filter(|value| !coding.holds(*value)) else { return Some(()) };
-        let [least, greatest] = coding.values();
-        let problem = self.check.report(ProblemKind::OutOfRange, &self.setting(key), reason);
-        problem.value = Some(value.to_string());
-        problem.limit = Some(format!("{least} to {greatest}"));
-        None
-    }
-
-    fn signal(
-        &mut self,
-        key: &str,
-        map: &str,
-        written: &Written<'_>,
-        pdos: &[PdoPlan],
-    ) -> Option<(String, String, Coding)> {
-        let setting = |part: &str| format!("{}.{key}.{part}", self.table);
-        let (of_name, of_object, of_bit, of_type, of_unit, of_scale) = (
-            setting("name"),
-            setting("object"),
-            setting("bit"),
-            setting("type"),
-            setting("unit"),
-            setting("scale"),
-        );
-        let of_offset = setting("offset");
-        let name = self.check.signal_name(written.name.as_deref(), &of_name);
-        let object =
-            self.check.need(written.object.as_ref(), &of_object, "it says where the signal stands")?;
-        let (index, subindex) = match parse_object(object) {
-            Ok(object) => object,
-            Err(error) => {
-                self.check.report(ProblemKind::WrongType, &of_object, error).value =
-                    Some(format!("\"{object}\""));
-                return None;
-            }
-        };
-        let Some((first, length)) = find(pdos, index, subindex).filter(|_| index != 0) else {
-            let reason = format!("the object isn't among `{map}`");
-            let shown = pdos.iter().flat_map(|pdo| &pdo.entries).filter(|entry| entry.index != 0);
-            let shown: Vec<String> = shown.map(ToString::to_string).collect();
-            let problem = self.check.report(ProblemKind::Missing, &of_object, reason);
-            problem.value = Some(format!("\"{object}\""));
-            problem.limit =
-                Some(if shown.is_empty() { format!("an object of `{map}`") } else { shown.join(" ") });
-            return None;
-        };
-        let (bit, bits) = match written.bit {
-            None => (first, length),
-            Some(bit) if bit < length => (first + u32::from(bit), 1),
-            Some(bit) => {
-                let problem =
-                    self.check.report(ProblemKind::OutOfRange, &of_bit, "the object has fewer bits");
-                problem.value = Some(bit.to_string());
-                problem.limit = Some(format!("0 to {}", length - 1));
-                return None;
-            }
-        };
-        let of_one_bit = (bits == 1).then_some(SignalType::Bool);
-        let kind =
-            self.check.need(written.kind.or(of_one_bit), &of_type, "it says how its bits are a number")?;
-        let fits = match kind {
-            SignalType::F32 | SignalType::Bool => bits == kind.bits(),
-            _ => bits <= kind.bits(),
-        };
-        if !fits {
-            let problem =
-                self.check.report(ProblemKind::Contradiction, &of_type, "the object has another length");
-            problem.value = Some(format!("{} bits", kind.bits()));
-            problem.limit = Some(format!("a type of {bits} bits"));
-            return None;
-        }
-        let scale = written.scale.unwrap_or(1.0);
-        let offset = written.offset.unwrap_or(0.0);
-        for (value, setting, is_sound) in
-            [(scale, of_scale, scale.is_finite() && scale != 0.0), (offset, of_offset, offset.is_finite())]
-        {
-            if !is_sound {
-                let problem =
-                    self.check.report(ProblemKind::OutOfRange, &setting, "values can't be scaled by it");
-                problem.value = Some(value.to_string());
-                problem.limit = Some("a finite number, the scale not 0".into());
-                return None;
-            }
-        }
-        let unit = self.check.unit(written.unit.as_deref(), &of_unit)?;
-        Some((name?, unit, Coding { bit, bits, kind, scale, offset }))
-    }
-
-    /// Recordings have a column for each, and one for the age.
-    fn one_name_each(&mut self, input: &[InputPlan], output: &[OutputPlan]) {
-        let inputs = input.iter().map(|one| ("input", &one.name, &one.unit));
-        let outputs = output.iter().map(|one| ("output", &one.name, &one.unit));
-        let mut seen = vec!["age".to_owned(), column_name("age", "s")];
-        for (n, (key, name, unit)) in inputs.chain(outputs).enumerate() {
-            let column = column_name(name, unit);
-            if seen.contains(name) || seen.contains(&column) {
-                let place = if key == "input" { n } else { n - input.len() };
-                let setting = self.setting(&format!("{key}[{place}].name"));
-                let reason =
-                    "another signal of this SubDevice, or its age, is called so, or so with its unit";
-                self.check.report(ProblemKind::Duplicate, &setting, reason).value =
-                    Some(format!("\"{name}\""));
-            }
-            seen.extend([name.clone(), column]);
-        }
-    }
-}
-
-/// A signal as written, whichever way it goes.
-struct Written<'a> {
-    name: &'a Option<String>,
-    object: &'a Option<String>,
-    bit: Option<u8>,
-    kind: Option<SignalType>,
-    unit: &'a Option<String>,
-    scale: Option<f64>,
-    offset: Option<f64>,
 }

@@ -24,15 +24,6 @@ pub struct BusPlan {
 }
 
 impl BusPlan {
-    /// How long before a cycle's frame the drives read the encoders whose values it fetches, ns.
-    pub fn input_age_ns(&self) -> u64 {
-        match self.synchronisation {
-            Synchronisation::Sync0 => self.cycle_ns / 2,
-            // At the arrival of the frame before.
-            Synchronisation::SyncManagerEvent | Synchronisation::FreeRun => self.cycle_ns,
-        }
-    }
-
     /// By what a drive is synchronised; `None` where its clock has events that leave a choice to it.
     pub(super) fn sync_mode(&self, dc: Option<&DcPlan>) -> Option<bus_config::SyncMode> {
         match self.synchronisation {

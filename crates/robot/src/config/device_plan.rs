@@ -1,5 +1,7 @@
 //! What a SubDevice that drives no wheel means once its table is resolved.
 
+use std::ops::Range;
+
 use omnibase_ethercat::config as bus_config;
 use omnibase_ethercat::config::Timeouts;
 
@@ -9,6 +11,7 @@ use super::bus_plan::{BusPlace, BusPlan, DriveWatchdog, Identity, ParameterPlan}
 use super::custom::Parameters;
 use super::device_tables::SignalType;
 use super::mapping::PdoPlan;
+use super::recorded_bytes::{self, RecordedBytes};
 use super::source_tables::SourcePlan;
 use super::start_plan::DcPlan;
 use crate::signals::{SignalLayout, SignalName};
@@ -44,6 +47,8 @@ pub struct DevicePlan {
     pub axis: Option<AxisPlan>,
     /// SDOs in the order in which they are sent.
     pub parameters: Vec<ParameterPlan>,
+    /// Its kind reads and writes its signals alone, and nothing else of its process data.
+    pub by_signals: bool,
     /// The kind's own keys.
     pub custom: Parameters,
 }
@@ -142,6 +147,12 @@ impl Coding {
         [ends[0].min(ends[1]), ends[0].max(ends[1])]
     }
 
+    /// The bytes in which it has a bit.
+    pub(crate) fn bytes(&self) -> Range<usize> {
+        let end = self.bit + u32::from(self.bits);
+        self.bit as usize / 8..end.div_ceil(8) as usize
+    }
+
     fn numbers(&self) -> (f64, f64) {
         let size = f64::from(self.bits).exp2();
         match self.kind {
@@ -221,8 +232,8 @@ pub(crate) fn signal_layout(devices: &[DevicePlan], sources: &[SourcePlan]) -> S
         sensors: Vec::new(),
         inputs: inputs.collect(),
         outputs: outputs.collect(),
-        input_bytes: devices.iter().map(DevicePlan::input_bytes).sum(),
-        output_bytes: devices.iter().map(DevicePlan::output_bytes).sum(),
+        input_bytes: recorded_bytes::of_inputs(devices).iter().map(RecordedBytes::count).sum(),
+        output_bytes: recorded_bytes::of_outputs(devices).iter().map(RecordedBytes::count).sum(),
     };
     sources.iter().for_each(|source| source.add_to(&mut layout));
     layout

@@ -64,8 +64,10 @@ pub struct InputTable {
     pub name: Option<String>,
     /// Its object among `inputs`, as `"6000.1"`.
     pub object: Option<String>,
-    /// Its bit in that object, from 0, where the object holds several; default: the whole object.
-    #[schemars(range(min = 0, max = 63))]
+    /// The byte in that object at which it begins, from 0, where the object holds several numbers: it has as many bytes as
+    /// its `type`. Padding behind the object belongs to it.
+    pub byte: Option<u8>,
+    /// Its bit in that object, or in that `byte` of it, from 0, where the object holds several; default: the whole object.
     pub bit: Option<u8>,
     /// Type of the number; default: `bool` where it is one bit.
     #[serde(rename = "type")]
@@ -88,8 +90,10 @@ pub struct OutputTable {
     pub name: Option<String>,
     /// Its object among `outputs`, as `"7000.1"`.
     pub object: Option<String>,
-    /// Its bit in that object, from 0, where the object holds several; default: the whole object.
-    #[schemars(range(min = 0, max = 63))]
+    /// The byte in that object at which it begins, from 0, where the object holds several numbers: it has as many bytes as
+    /// its `type`. Padding behind the object belongs to it.
+    pub byte: Option<u8>,
+    /// Its bit in that object, or in that `byte` of it, from 0, where the object holds several; default: the whole object.
     pub bit: Option<u8>,
     /// Type of the number; default: `bool` where it is one bit.
     #[serde(rename = "type")]

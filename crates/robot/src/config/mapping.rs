@@ -92,6 +92,17 @@ pub(crate) fn find(pdos: &[PdoPlan], index: u16, subindex: u8) -> Option<(u32, u
     None
 }
 
+/// How many bits an object has together with the padding behind it in its PDO; 0 where it isn't mapped.
+pub(crate) fn length_with_padding(pdos: &[PdoPlan], index: u16, subindex: u8) -> u32 {
+    let is_it = |entry: &MapEntry| (entry.index, entry.subindex) == (index, subindex);
+    let with_rest = |pdo: &PdoPlan| {
+        let at = pdo.entries.iter().position(is_it)?;
+        let padding = pdo.entries[at + 1..].iter().take_while(|entry| entry.index == 0);
+        Some(pdo.entries[at..=at].iter().chain(padding).map(|entry| u32::from(entry.bits)).sum())
+    };
+    pdos.iter().find_map(with_rest).unwrap_or(0)
+}
+
 /// Whether an object lies whole and at a byte in the process data.
 pub(crate) fn is_mapped(pdos: &[PdoPlan], object: u16, bits: u8) -> bool {
     find(pdos, object, 0).is_some_and(|(bit, length)| length == bits && bit % 8 == 0)

@@ -88,6 +88,13 @@ impl RobotPlan {
         }
     }
 
+    /// How long before a cycle's frame the drives read the encoders whose values it fetches, ns; that of the slowest drive.
+    pub fn input_age_ns(&self) -> u64 {
+        let clocks = self.drives.iter().filter_map(|drive| drive.dc);
+        // Without a clock at the arrival of the frame before.
+        clocks.map(|dc| dc.last_beat_ns(self.bus.cycle_ns)).max().unwrap_or(self.bus.cycle_ns)
+    }
+
     /// What a cycle's record of this robot holds.
     pub fn record_layout(&self) -> RecordLayout {
         RecordLayout { wheels: self.drives.len(), signals: self.signals() }

@@ -58,7 +58,7 @@ impl Fused {
             filter: Filter::new(settings, &models),
             flows: vec![None; plan.sensors.len()],
             sensors: plan.sensors.clone(),
-            input_age_ns: plan.bus.input_age_ns(),
+            input_age_ns: plan.input_age_ns(),
             task_frame: plan.estimator.task_frame.unwrap_or_default(),
             unknown_sigma: [
                 plan.estimator.unknown_sigma_m.unwrap_or(sigma_m),

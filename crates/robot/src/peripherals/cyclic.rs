@@ -6,6 +6,7 @@ use std::ops::Range;
 use omnibase_cia402::Wanted;
 
 use super::sources::Sources;
+use crate::config::recorded_bytes::{self, RecordedBytes};
 use crate::config::{DevicePlan, RobotPlan};
 use crate::image::ProcessImage;
 use crate::registry::{Made, Registry};
@@ -28,13 +29,38 @@ pub(crate) struct Peripherals {
     told: Told,
 }
 
+/// Process data of one direction of one of them, and where they stand in the record.
+struct Kept {
+    /// Bytes of process data.
+    length: usize,
+    /// Those that are recorded.
+    recorded: RecordedBytes,
+    /// Their place in the record.
+    place: Range<usize>,
+}
+
+impl Kept {
+    fn new(length: usize, recorded: RecordedBytes, at: &mut usize) -> Self {
+        let place = next(at, recorded.count());
+        Kept { length, recorded, place }
+    }
+
+    fn keep(&self, process_data: &[u8], record: &mut [u8]) {
+        self.recorded.keep(process_data, &mut record[self.place.clone()]);
+    }
+
+    fn restore(&self, record: &[u8], process_data: &mut [u8]) {
+        self.recorded.restore(&record[self.place.clone()], process_data);
+    }
+}
+
 /// One of them, and where its signals and bytes stand.
 struct Part {
     peripheral: Box<dyn Peripheral>,
     inputs: Range<usize>,
     outputs: Range<usize>,
-    input_bytes: Range<usize>,
-    output_bytes: Range<usize>,
+    input_bytes: Kept,
+    output_bytes: Kept,
     /// It is of a hot-connect group: as long as it was never heard it isn't there, and nobody waits for it.
     may_be_absent: bool,
     /// Where it missed more exchanges in a row it is lost, as for the safety chain, however long they took.
@@ -63,12 +89,16 @@ impl Peripherals {
         let [mut inputs, mut outputs, mut input_bytes, mut output_bytes] = [0; 4];
         let made = registry.make_peripherals(plan)?;
         let tolerated = |device: &DevicePlan| device.most_missed(plan.safety.lost_exchanges_tolerated);
-        let parts = plan.devices.iter().zip(made).take(MAX_DEVICES).map(|(device, peripheral)| Part {
+        let recorded = recorded_bytes::of_inputs(&plan.devices)
+            .into_iter()
+            .zip(recorded_bytes::of_outputs(&plan.devices));
+        let devices = plan.devices.iter().zip(made).zip(recorded).take(MAX_DEVICES);
+        let parts = devices.map(|((device, peripheral), (read, written))| Part {
             peripheral,
             inputs: next(&mut inputs, device.input.len()),
             outputs: next(&mut outputs, device.output.len()),
-            input_bytes: next(&mut input_bytes, device.input_bytes()),
-            output_bytes: next(&mut output_bytes, device.output_bytes()),
+            input_bytes: Kept::new(device.input_bytes(), read, &mut input_bytes),
+            output_bytes: Kept::new(device.output_bytes(), written, &mut output_bytes),
             may_be_absent: device.group.is_some(),
             tolerated: tolerated(device),
             most_age_ns: u64::from(tolerated(device)).saturating_mul(plan.bus.cycle_ns),
@@ -110,10 +140,10 @@ impl Peripherals {
         for (device, part) in self.all.iter_mut().enumerate() {
             let values = &mut signals.inputs[part.inputs.clone()];
             let heard = image.device_inputs(device);
-            if exchange.has_inputs_of_device(device) && heard.len() >= part.input_bytes.len() {
-                let bytes = &mut signals.input_bytes[part.input_bytes.clone()];
-                bytes.copy_from_slice(&heard[..bytes.len()]);
-                part.peripheral.read(time, bytes, values);
+            if exchange.has_inputs_of_device(device) && heard.len() >= part.input_bytes.length {
+                let heard = &heard[..part.input_bytes.length];
+                part.input_bytes.keep(heard, &mut signals.input_bytes);
+                part.peripheral.read(time, heard, values);
                 part.heard_ns = Some(time.now_ns);
                 part.missed_in_a_row = 0;
             } else {
@@ -246,14 +276,15 @@ impl Peripherals {
             }
             let bytes = image.device_outputs(device);
             // Whoever was away had them zeroed; what is written builds on what was written last.
-            let last = &signals.output_bytes[part.output_bytes.clone()];
-            let length = bytes.len().min(last.len());
-            bytes[..length].copy_from_slice(&last[..length]);
+            let has_room = bytes.len() >= part.output_bytes.length;
+            if has_room {
+                part.output_bytes.restore(&signals.output_bytes, bytes);
+            }
             part.peripheral.lead(time, leave);
             part.peripheral.write(time, &signals.outputs[part.outputs.clone()], bytes);
-            let recorded = &mut signals.output_bytes[part.output_bytes.clone()];
-            let length = bytes.len().min(recorded.len());
-            recorded[..length].copy_from_slice(&bytes[..length]);
+            if has_room {
+                part.output_bytes.keep(bytes, &mut signals.output_bytes);
+            }
         }
     }
 
@@ -264,7 +295,8 @@ impl Peripherals {
             let was_heard = signals.ages_s[device] == 0.0;
             bytes.clear();
             if was_heard {
-                bytes.extend_from_slice(&signals.input_bytes[part.input_bytes.clone()]);
+                bytes.resize(part.input_bytes.length, 0);
+                part.input_bytes.restore(&signals.input_bytes, bytes);
             }
         }
         self.sources.replay(signals);

@@ -6,7 +6,7 @@ use super::sources::{MAX_SOURCES, SourceName};
 pub const MAX_DEVICES: usize = 16;
 /// Named values of one direction.
 pub const MAX_SIGNALS: usize = 64;
-/// Bytes of process data of all these SubDevices together in one direction.
+/// Recorded bytes of process data of all these SubDevices together in one direction.
 pub const MAX_DEVICE_BYTES: usize = 128;
 
 /// The name of a signal and its unit.
@@ -31,9 +31,9 @@ pub struct SignalLayout {
     pub inputs: Vec<SignalName>,
     /// What goes out, at most [`MAX_SIGNALS`].
     pub outputs: Vec<SignalName>,
-    /// Bytes of process data that are read.
+    /// Recorded bytes of the process data that are read.
     pub input_bytes: usize,
-    /// Bytes of process data that are written.
+    /// Recorded bytes of the process data that are written.
     pub output_bytes: usize,
 }
 
@@ -75,9 +75,9 @@ pub struct SignalShape {
     pub inputs: usize,
     /// Outputs.
     pub outputs: usize,
-    /// Bytes of process data that are read.
+    /// Recorded bytes of the process data that are read.
     pub input_bytes: usize,
-    /// Bytes of process data that are written.
+    /// Recorded bytes of the process data that are written.
     pub output_bytes: usize,
 }
 
@@ -86,7 +86,8 @@ pub struct SignalShape {
 pub struct Signals {
     /// How many there are.
     pub shape: SignalShape,
-    /// Process data from the SubDevices, one behind the other, raw; 0 of those that took no part in the exchange.
+    /// Process data from the SubDevices, one behind the other, raw; 0 of those that took no part in the exchange. Of a
+    /// robot with more than these have room for, the bytes of the signals.
     pub input_bytes: [u8; MAX_DEVICE_BYTES],
     /// Age of each SubDevice's inputs, then of each program's, s; infinite until it was heard.
     pub ages_s: [f64; MAX_DEVICES + MAX_SOURCES],
@@ -104,7 +105,7 @@ pub struct Signals {
     pub believed: u64,
     /// Outputs, in their units.
     pub outputs: [f64; MAX_SIGNALS],
-    /// Process data to the SubDevices, one behind the other, raw.
+    /// Process data to the SubDevices, likewise.
     pub output_bytes: [u8; MAX_DEVICE_BYTES],
 }
 

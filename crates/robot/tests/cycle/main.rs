@@ -9,6 +9,7 @@ mod fence;
 mod heedless;
 mod inputs;
 mod inwards;
+mod large_modules;
 mod lifecycle;
 mod oscillation;
 mod place;

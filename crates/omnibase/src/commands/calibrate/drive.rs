@@ -92,7 +92,7 @@ struct Drive {
 
 fn simulated(plan: RobotPlan, truth: &Build, figure: &Figure, registry: &Registry) -> anyhow::Result<Drive> {
     let built = RobotPlan { kinematics: Kinematics::new(truth.wheels.clone())?, ..plan.clone() };
-    let age_s = plan.bus.input_age_ns() as f64 * 1e-9;
+    let age_s = plan.input_age_ns() as f64 * 1e-9;
     let mut robot = Stepped::begin_on(&built, plan, registry, Leader::Plan, &mut |text| warn(text))?;
     let mut drive = Drive {
         run: Run { name: figure.name.to_owned(), ..Run::default() },

@@ -4,7 +4,6 @@ use super::clocks;
 use crate::robot_table::{RobotTable, TO_FILL, plain_name};
 use omnibase_esi::model::{Coe, Pdo, PdoEntry};
 use omnibase_esi::{Assembly, Command, CommandSource, Device, EsiFile};
-use omnibase_robot::signals::MAX_DEVICE_BYTES;
 use std::fmt::Write;
 
 /// Profile of drives (CiA 402).
@@ -28,15 +27,6 @@ pub fn of(file: &EsiFile, assembly: &Assembly) -> String {
         table.comment(&format!("LOOK AT THIS: {doubt}."));
     }
     let maps = [assembly.default_pdos(true).0, assembly.default_pdos(false).0];
-    for (pdos, what) in maps.iter().zip(["outputs", "inputs"]).filter(|_| !is_drive) {
-        let bytes = pdos.iter().map(Pdo::bits).sum::<u32>().div_ceil(8) as usize;
-        if bytes > MAX_DEVICE_BYTES {
-            table.comment(&format!(
-                "LOOK AT THIS: {bytes} bytes of {what}, and a robot has room for {MAX_DEVICE_BYTES} of all its SubDevices together: \
-                 leave PDOs out, where it lets them be chosen."
-            ));
-        }
-    }
     hints(device, &mut table);
     table.head(if is_drive { "[[drive]]" } else { "[[device]]" });
     let name = plain_name(&device.type_name, "device", &mut Vec::new());
@@ -279,7 +269,7 @@ fn signals(maps: &[Vec<Pdo>; 2], table: &mut RobotTable) {
                 Some(kind) => format!("  {{ name = \"{name}\", object = \"{object}\", type = \"{kind}\" }},"),
                 None => {
                     table.comment(&format!(
-                        "  {name}, {object}: {} bits are no signal; it travels all the same",
+                        "  {{ name = \"{name}\", object = \"{object}\", byte = 0, type = \"u8\" }}, of {} bits: take those that you need",
                         entry.bits
                     ));
                     continue;

@@ -33,7 +33,7 @@ pub struct Report {
     pub commands_used: Vec<&'static str>,
     /// SubDevices that aren't operational, and what they have.
     pub not_operational: Vec<String>,
-    /// Where frames were damaged and links lost.
+    /// Where frames were damaged, links lost and firmware silent.
     pub damage: Vec<String>,
     /// Whose pauses cost cycles.
     pub pauses: Pauses,

@@ -23,6 +23,9 @@ const SILENCE: Duration = Duration::from_millis(500);
 /// Cycles that the search for culprits may take.
 const DIAGNOSIS_CYCLES: u32 = 300;
 
+/// DL status (0x0110): the PDI watchdog runs.
+const PDI_WATCHDOG_RUNS: u8 = 1 << 1;
+
 /// Cycles that a look at one SubDevice's counters may take.
 const LOOK_CYCLES: u32 = 20;
 
@@ -55,7 +58,7 @@ struct Measured {
     overruns: u64,
     operational: bool,
     not_operational: Vec<String>,
-    /// Where frames were damaged and links lost, in words.
+    /// Where frames were damaged, links lost and firmware silent, in words.
     damage: Vec<String>,
     before: CycleCounters,
     after: CycleCounters,
@@ -90,11 +93,14 @@ impl Runner {
             }
             let took = self.paced.clock().now() - began;
             note(format_args!("OP after {:.3} s of bus time", took.as_secs_f64()));
+            // What is counted from here on counts.
+            self.look(0, RegisterAccess::WriteAll, register::WATCHDOG_COUNTER, 2)?;
             self.cycle(stop)?;
             self.measured.operational = self.is_operational();
             if !self.measured.operational {
                 self.find_culprits()?;
             }
+            self.find_hung()?;
             self.find_damage()
         });
         // Nobody is there to be led back; the broadcast that asks all for INIT goes out all the same.
@@ -142,23 +148,68 @@ impl Runner {
             return Ok(());
         }
         for number in 0..self.subdevices.len() {
-            let (register, data) = (register::RX_ERROR_COUNTERS, vec![0; trouble::COUNTERS]);
-            let work = AcyclicWork::Registers { way: RegisterAccess::Read, register, data };
-            let position = self.subdevices[number].position;
-            if self.paced.bus_mut().submit(AcyclicRequest { tag: 0, position, work }).is_err() {
-                continue;
-            }
-            for _ in 0..LOOK_CYCLES {
-                self.paced.exchange(&mut self.image)?;
-                let Some(answer) = self.paced.bus_mut().poll_completion() else { continue };
-                if let (Ok(()), AcyclicWork::Registers { data, .. }) = (answer.result, answer.work) {
-                    let found = trouble::of_counters(&self.subdevices, number, &data, Counted::Now);
-                    self.measured.damage.extend(found.iter().map(ToString::to_string));
-                }
-                break;
+            let (way, counters) = (RegisterAccess::Read, register::RX_ERROR_COUNTERS);
+            if let Some(data) = self.look(number, way, counters, trouble::COUNTERS)? {
+                let found = trouble::of_counters(&self.subdevices, number, &data, Counted::Now);
+                self.measured.damage.extend(found.iter().map(ToString::to_string));
             }
         }
         Ok(())
+    }
+
+    /// Whose firmware hangs, or did: its chip answers from OP all the same, with inputs that stand still. The chips' watchdogs
+    /// of their processors tell (PDI watchdog, 0x0410); one that has it off isn't watched.
+    fn find_hung(&mut self) -> anyhow::Result<()> {
+        let (read, counter) = (RegisterAccess::Read, register::WATCHDOG_COUNTER);
+        let times = |data: Option<Vec<u8>>| data.map_or(0, |data| data[1]);
+        if times(self.look(0, RegisterAccess::ReadAll, counter, 2)?) == 0 {
+            return Ok(());
+        }
+        for number in 0..self.subdevices.len() {
+            let times = times(self.look(number, read, counter, 2)?);
+            let Some(status) = self.look(number, read, register::DL_STATUS, 2)?.filter(|_| times > 0) else {
+                continue;
+            };
+            let one = &self.subdevices[number];
+            let words = format!("SubDevice {} ({}): its firmware ", one.position, one.name);
+            if status[0] & PDI_WATCHDOG_RUNS == 0 {
+                self.measured.operational = false;
+                let words = format!(
+                    "{words}hangs: its processor is silent for longer than its PDI watchdog (0x0410) allows"
+                );
+                self.measured.not_operational.push(words);
+            } else {
+                let words =
+                    format!("{words}hung {times} times for longer than its PDI watchdog (0x0410) allows");
+                self.measured.damage.push(words);
+            }
+        }
+        Ok(())
+    }
+
+    /// Reads registers of one, or of all, beside the exchange; `None` where nobody answers in time.
+    fn look(
+        &mut self,
+        number: usize,
+        way: RegisterAccess,
+        register: u16,
+        length: usize,
+    ) -> anyhow::Result<Option<Vec<u8>>> {
+        let Some(one) = self.subdevices.get(number) else { return Ok(None) };
+        let work = AcyclicWork::Registers { way, register, data: vec![0; length] };
+        let request = AcyclicRequest { tag: 0, position: one.position, work };
+        if self.paced.bus_mut().submit(request).is_err() {
+            return Ok(None);
+        }
+        for _ in 0..LOOK_CYCLES {
+            self.paced.exchange(&mut self.image)?;
+            let Some(answer) = self.paced.bus_mut().poll_completion() else { continue };
+            return Ok(match (answer.result, answer.work) {
+                (Ok(()), AcyclicWork::Registers { data, .. }) => Some(data),
+                _ => None,
+            });
+        }
+        Ok(None)
     }
 
     /// Cycles until everyone is in OP; `false` where `stop` came first.

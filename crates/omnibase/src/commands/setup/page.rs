@@ -166,7 +166,7 @@ impl Hand for Page {
 
     /// The button stays.
     fn remark(&mut self, text: &str) {
-        self.say(text.to_owned());
+        self.say(text.replace("holds the key", "holds the button").replace("held key", "held button"));
         self.show();
     }
 
