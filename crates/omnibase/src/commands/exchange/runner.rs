@@ -94,13 +94,15 @@ impl Runner {
             let took = self.paced.clock().now() - began;
             note(format_args!("OP after {:.3} s of bus time", took.as_secs_f64()));
             // What is counted from here on counts.
-            self.look(0, RegisterAccess::WriteAll, register::WATCHDOG_COUNTER, 2)?;
+            let cleared = self.look(0, RegisterAccess::WriteAll, register::WATCHDOG_COUNTER, 2)?;
             self.cycle(stop)?;
             self.measured.operational = self.is_operational();
             if !self.measured.operational {
                 self.find_culprits()?;
             }
-            self.find_hung()?;
+            if cleared.is_some() {
+                self.find_hung()?;
+            }
             self.find_damage()
         });
         // Nobody is there to be led back; the broadcast that asks all for INIT goes out all the same.
