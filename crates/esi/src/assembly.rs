@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::dictionary::{OdObject, type_code, usual_bits};
 use crate::doubt::Doubt;
 use crate::image;
-use crate::model::{Device, InitCommand, Module, Pdo, PdoEntry, SlotIndex, Slots, SmUse};
+use crate::model::{Device, InitCommand, Module, Pdo, PdoEntry, SlotIndex, Slots, SmUse, SyncManager};
 use crate::notes::Problem;
 
 /// The object that is told which modules are configured (ETG.5001).
@@ -344,6 +344,25 @@ impl<'a> Assembly<'a> {
         doubts
     }
 
+    /// SyncManagers whose default process data reach into the area of another.
+    fn no_room(&self) -> Vec<Doubt> {
+        let managers = &self.device.sync_managers;
+        let mut pdos = self.default_pdos(true).0;
+        pdos.extend(self.default_pdos(false).0);
+        let beyond = |(number, manager): (u8, &SyncManager)| {
+            let (start, control) = (manager.start?, manager.control?);
+            let own = pdos.iter().filter(|pdo| pdo.sync_manager == Some(number));
+            let bytes = own.map(Pdo::bits).sum::<u32>().div_ceil(8);
+            // Buffered mode has three (ETG.1000.4, SyncManager's control).
+            let buffers = if control & 3 == 0 { 3 } else { 1 };
+            let others = managers.iter().filter(|other| !other.is_virtual && !manager.is_virtual);
+            let next = others.filter_map(|other| other.start).filter(|next| *next > start).min()?;
+            let is_beyond = u32::from(start) + buffers * bytes > u32::from(next);
+            is_beyond.then_some(Doubt::NoRoom { sync_manager: number, bytes, buffers, start, next })
+        };
+        (0..).zip(managers).filter_map(beyond).collect()
+    }
+
     /// Slots whose modules' PDOs or mapped objects have the same indices: each pair of slots once.
     fn same_indices(&self) -> Vec<Doubt> {
         let (mut first, mut pairs) = (BTreeMap::new(), BTreeMap::new());
@@ -389,6 +408,7 @@ impl<'a> Assembly<'a> {
         if says != 0 && needs > says as usize {
             doubts.push(Doubt::EepromTooSmall { says, needs });
         }
+        doubts.extend(self.no_room());
         doubts.extend(self.too_long());
         for Command { command, .. } in self.commands().iter().filter(|one| one.is_for_pre_op()) {
             let (line, index) = (command.line, command.index.index);

@@ -85,6 +85,19 @@ pub enum Doubt {
         /// Bytes of the content.
         needs: usize,
     },
+    /// The process data of a SyncManager take more memory than there is before the next one's.
+    NoRoom {
+        /// The SyncManager.
+        sync_manager: u8,
+        /// Its bytes.
+        bytes: u32,
+        /// How often the chip keeps them.
+        buffers: u32,
+        /// Where they begin, and where the next area does.
+        start: u16,
+        /// Likewise.
+        next: u16,
+    },
     /// Commands of protocols that aren't spoken here.
     ForeignCommands {
         /// How many.
@@ -152,6 +165,10 @@ impl fmt::Display for Doubt {
             Doubt::EepromTooSmall { says, needs } => write!(
                 f,
                 "its file says that the EEPROM has {says} bytes, and what belongs into it takes {needs}: it doesn't fit"
+            ),
+            Doubt::NoRoom { sync_manager, bytes, buffers, start, next } => write!(
+                f,
+                "SyncManager {sync_manager} has {bytes} bytes and keeps them {buffers} times from 0x{start:04X} on, but the area of another begins at 0x{next:04X}: the device will refuse that; take fewer modules or PDOs"
             ),
             Doubt::ForeignCommands { count } => {
                 write!(f, "{count} commands of EoE or SoE aren't sent: these protocols aren't spoken here")

@@ -305,6 +305,27 @@ fn what_contradicts_itself_is_told() {
     }
 }
 
+/// Three buffers of 100 bytes from 0x1000 on end at 0x112C.
+#[test]
+fn process_data_that_reach_into_the_next_area_are_told() {
+    let entries = "<Entry><Index>#x7000</Index><SubIndex>1</SubIndex><BitLen>200</BitLen></Entry>".repeat(4);
+    let told = |next: &str| {
+        let elements = format!(
+            "<Sm StartAddress=\"{next}\">Inputs</Sm><RxPdo Sm=\"0\"><Index>#x1600</Index>{entries}</RxPdo>"
+        );
+        let doubts = doubts(&with_device(&elements));
+        doubts.into_iter().filter(|one| one.contains("keeps them")).collect::<Vec<_>>()
+    };
+    assert_eq!(
+        told("#x112B"),
+        [
+            "SyncManager 0 has 100 bytes and keeps them 3 times from 0x1000 on, but the area of another begins at 0x112B: \
+          the device will refuse that; take fewer modules or PDOs"
+        ]
+    );
+    assert_eq!(told("#x112C"), Vec::<String>::new());
+}
+
 /// A device late in a file of many problems isn't taken for a sound one.
 #[test]
 fn problems_of_which_no_note_is_kept_count_for_their_device() {

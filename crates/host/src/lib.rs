@@ -3,7 +3,8 @@
 //! - [`PacketSocket`]: frames by `send` and `recv`, one call each per frame and one to wait; works everywhere.
 //! - [`PacketRing`]: frames through rings that are mapped into the process; with busy polling the receive needs
 //!   no system call at all.
-//! - [`SoleUse`]: one program of ours at an interface, or with a file, at a time; [`listen`]: whether somebody else drives it.
+//! - [`FileLock`]: one program of ours that writes a file at a time.
+//! - [`InterfaceLock`]: one program of ours at an interface at a time; [`listen`]: whether somebody else drives it.
 //! - [`MonotonicClock`]: the clock that runners own.
 //! - [`real_time`]: priority, locked memory and CPU of the cyclic thread, each granted or refused in words.
 //! - [`doctor`]: whether the machine is fit for that, and what mends it.
@@ -20,27 +21,29 @@ mod child;
 mod clock;
 pub mod doctor;
 mod ethtool;
+mod file_lock;
 pub mod interface;
+mod interface_lock;
 mod listening;
 mod namespace;
 mod packet_ring;
 mod packet_socket;
 mod raw;
 pub mod real_time;
-mod sole_use;
 mod stop;
 
 pub use allocator::CountingAllocator;
 pub use child::ends_with_this;
 pub use clock::MonotonicClock;
 pub use ethtool::EthtoolError;
+pub use file_lock::{FileLock, FileLockError};
 pub use interface::LinkState;
+pub use interface_lock::{Holder, InterfaceLock, LockError};
 pub use listening::{Heard, LISTENING, Origin, listen};
 pub use namespace::{Namespace, NamespaceError};
 pub use packet_ring::{PacketRing, Waiting};
 pub use packet_socket::PacketSocket;
 pub use raw::{DropCounts, OpenError};
-pub use sole_use::{Holder, LockError, SoleUse};
 pub use stop::stop_on_signals;
 
 /// Whether this program runs as root.

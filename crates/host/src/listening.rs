@@ -141,7 +141,7 @@ fn only_ethercat(socket: &RawSocket) -> Result<(), ()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::{LockError, Namespace, SoleUse};
+    use crate::{InterfaceLock, LockError, Namespace};
     use std::sync::atomic::{AtomicBool, Ordering};
 
     /// A socket as other programs have it: what it sends is shown to others of this computer.
@@ -203,17 +203,17 @@ mod tests {
         let (Some(one), Some(other)) = (Namespace::for_test(tests), Namespace::for_test(tests)) else {
             return;
         };
-        let held = one.run(|| SoleUse::of_interface(Namespace::NEAR).unwrap());
-        let refused = one.run(|| SoleUse::of_interface(Namespace::NEAR).unwrap_err());
+        let held = one.run(|| InterfaceLock::take(Namespace::NEAR).unwrap());
+        let refused = one.run(|| InterfaceLock::take(Namespace::NEAR).unwrap_err());
         let LockError::Held { holder: Some(holder), .. } = &refused else { panic!("{refused}") };
         assert_eq!(holder.pid, std::process::id());
         assert!(
             refused.to_string().starts_with(&format!("`veth0` is in use by process {}", holder.pid)),
             "{refused}"
         );
-        one.run(|| SoleUse::of_interface(Namespace::FAR).unwrap());
-        other.run(|| SoleUse::of_interface(Namespace::NEAR).unwrap());
+        one.run(|| InterfaceLock::take(Namespace::FAR).unwrap());
+        other.run(|| InterfaceLock::take(Namespace::NEAR).unwrap());
         drop(held);
-        one.run(|| SoleUse::of_interface(Namespace::NEAR).unwrap());
+        one.run(|| InterfaceLock::take(Namespace::NEAR).unwrap());
     }
 }

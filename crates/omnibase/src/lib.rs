@@ -33,6 +33,7 @@ mod robot_table;
 mod running;
 mod segment;
 mod sii_json;
+mod small_file;
 mod target;
 mod terminal;
 mod to_the_end;

@@ -1,6 +1,6 @@
 //! Tables of a robot's file as programs write them: each line with its reason, what nobody can know marked.
 
-use std::fmt::Write;
+use std::fmt::{Display, Write};
 
 /// What stands before a line that a person must fill in.
 pub const TO_FILL: &str = "FILL IN";
@@ -55,6 +55,13 @@ impl RobotTable {
     pub fn text(&self) -> &str {
         &self.text
     }
+}
+
+/// What a signal in an array of bytes looks like.
+pub fn in_array(name: &str, object: &str, bits: impl Display) -> String {
+    format!(
+        "{{ name = \"{name}\", object = \"{object}\", byte = 0, type = \"u8\" }}, one of {bits} bits: take the bytes that you need"
+    )
 }
 
 /// Text of others on one line of a comment.

@@ -6,7 +6,7 @@ use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_ethercat_sim::{Pace, VirtualClock, in_process};
 use omnibase_ethercat_wire::{Clock, HostTime, Link, LinkError, RingState};
 use omnibase_host::{
-    Holder, LISTENING, LockError, MonotonicClock, PacketRing, PacketSocket, SoleUse, Waiting, listen,
+    Holder, InterfaceLock, LISTENING, LockError, MonotonicClock, PacketRing, PacketSocket, Waiting, listen,
 };
 use omnibase_record::{BackgroundRecorder, PcapngWriter, RecordingLink, WhenFull};
 use omnibase_run::pace::PacedClock;
@@ -96,7 +96,7 @@ impl Manners {
         let taps = if self.visible { Taps::See } else { Taps::Bypassed };
         let Target::Interface(name) = target else { return target.open(port) };
         let lock =
-            SoleUse::of_interface(name).map_err(|error| in_use(&error).unwrap_or_else(|| error.into()))?;
+            InterfaceLock::take(name).map_err(|error| in_use(&error).unwrap_or_else(|| error.into()))?;
         if let Some(heard) = listen(name, LISTENING)? {
             anyhow::ensure!(
                 self.force,
@@ -126,7 +126,7 @@ fn in_use(error: &LockError) -> Option<anyhow::Error> {
 /// A link whose interface nobody else of ours takes as long as it lives.
 struct Held {
     link: Box<dyn Link>,
-    _lock: SoleUse,
+    _lock: InterfaceLock,
 }
 
 impl Link for Held {

@@ -429,7 +429,7 @@ fn a_page_that_falls_silent_takes_the_torque_off() {
             std::thread::sleep(Duration::from_millis(20));
         }
         let (line, enabled, unheld) = motions(&output).pop().unwrap();
-        assert!(line.contains("LetGo") && enabled > 0 && unheld == 0, "{why}: {line}");
+        assert!(line.contains("let go") && enabled > 0 && unheld == 0, "{why}: {line}");
         // A minute would have been the longest.
         assert!(enabled < 30_000, "{why}: {line}");
         relay.set(Line::Passes);

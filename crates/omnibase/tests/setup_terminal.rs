@@ -148,7 +148,7 @@ fn a_drive_turns_while_the_space_bar_is_held_and_no_other_key_moves_it() {
     assert_eq!(ended.code(), Some(1), "left, not done");
     for (line, _, unheld) in jogs(&output) {
         assert_eq!(unheld, 0, "{line}");
-        assert!(line.contains("LetGo") || line.contains("NeverHeld"), "another key ends it: {line}");
+        assert!(line.contains("let go") || line.contains("never held"), "another key ends it: {line}");
     }
     assert!(!output.exists(), "no file before its step");
 
@@ -165,7 +165,10 @@ fn a_drive_turns_while_the_space_bar_is_held_and_no_other_key_moves_it() {
         std::thread::sleep(REPEAT);
     }
     assert!(
-        jogs(&output).iter().skip(before).all(|(line, enabled, _)| *enabled == 0 && line.contains("Gone"))
+        jogs(&output)
+            .iter()
+            .skip(before)
+            .all(|(line, enabled, _)| *enabled == 0 && line.contains("was gone"))
     );
 }
 
@@ -188,7 +191,8 @@ fn a_signal_ends_a_motion_as_leaving_does() {
         });
         assert_eq!(terminal.script.wait().unwrap().code(), Some(1), "left, not killed");
         let last = jogs(&output).pop();
-        if let Some((_, _, unheld)) = last.filter(|(line, enabled, _)| line.contains("Gone") && *enabled > 0)
+        if let Some((_, _, unheld)) =
+            last.filter(|(line, enabled, _)| line.contains("was gone") && *enabled > 0)
         {
             assert_eq!(unheld, 0);
             return;
@@ -202,7 +206,7 @@ fn a_signal_ends_a_motion_as_leaving_does() {
 fn a_second_set_up_of_one_file_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("mine.toml");
-    let _first = omnibase_host::SoleUse::of_file(&output).unwrap();
+    let first = omnibase_host::FileLock::take(&output.with_extension("state.json")).unwrap();
     let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
     let second = Command::new(env!("CARGO_BIN_EXE_omnibase"))
         .args(["setup", &format!("sim:{root}/segments/three-servos.toml"), "--lines"])
@@ -212,7 +216,8 @@ fn a_second_set_up_of_one_file_is_refused() {
         .unwrap();
     let words = String::from_utf8_lossy(&second.stderr);
     assert_eq!(second.status.code(), Some(1), "{words}");
-    let told = format!("mine.toml` is in use by process {}", std::process::id());
+    let told = format!("mine.state.json` is in use by process {}", std::process::id());
     assert!(words.contains(&told), "{words}");
+    drop(first);
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "nothing was written");
 }

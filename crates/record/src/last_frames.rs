@@ -2,7 +2,7 @@
 //!
 //! A thread beside the cycle keeps what passes, forgets what is older, and is itself the judge: a frame without an answer,
 //! a working counter that isn't what it was before, an AL status that shows an error. Somebody else may tell it, too
-//! ([`LastFrames::wrong`]). A second after that the file is written, with what came before and behind.
+//! ([`LastFrames::told`]). A second after that the file is written, with what came before and behind.
 
 use std::collections::{HashMap, VecDeque};
 use std::fs::File;
@@ -46,7 +46,7 @@ pub struct KeepFrames {
 
 /// Keeps the last frames.
 pub struct LastFrames {
-    keeper: JoinHandle<io::Result<Kept>>,
+    keeper: JoinHandle<io::Result<Keeper>>,
     told: Arc<AtomicBool>,
     dropped: Arc<AtomicU64>,
 }
@@ -74,20 +74,23 @@ impl LastFrames {
         let mut keeper = Keeper::new(keep, told.clone());
         let thread = std::thread::Builder::new().name("last frames".to_owned()).spawn(move || {
             drained(ring, &mut |entry| keeper.take(entry))?;
-            keeper.end()
+            Ok(keeper)
         })?;
         Ok((LastFrames { keeper: thread, told, dropped }, sink))
     }
 
-    /// Something went wrong that frames don't tell: what is kept is written.
-    pub fn wrong(&self) {
-        self.told.store(true, Ordering::Relaxed);
+    /// Becomes true where something goes wrong that frames don't tell: what is kept is written a second later.
+    pub fn told(&self) -> Arc<AtomicBool> {
+        Arc::clone(&self.told)
     }
 
-    /// Waits until everything is written; call it after the sink is dropped, for it waits for that too.
-    pub fn finish(self) -> io::Result<Kept> {
+    /// Waits until everything is written, the end with it where that is wrong. Call it after the sink is dropped, for it waits
+    /// for that too.
+    pub fn finish(self, is_wrong: bool) -> io::Result<Kept> {
         match self.keeper.join() {
-            Ok(kept) => Ok(Kept { dropped: self.dropped.load(Ordering::Relaxed), ..kept? }),
+            Ok(keeper) => {
+                Ok(Kept { dropped: self.dropped.load(Ordering::Relaxed), ..keeper?.end(is_wrong)? })
+            }
             Err(panic) => std::panic::resume_unwind(panic),
         }
     }
@@ -216,8 +219,9 @@ impl Keeper {
     }
 
     /// No more frames come: what went wrong is written with what there is.
-    fn end(mut self) -> io::Result<Kept> {
-        let told = self.told.load(Ordering::Relaxed).then(|| "the run told so".to_owned());
+    fn end(mut self, is_wrong: bool) -> io::Result<Kept> {
+        let is_wrong = is_wrong || self.told.load(Ordering::Relaxed);
+        let told = is_wrong.then(|| "the run told so".to_owned());
         if let Some(words) = self.incident.take().map(|(words, _)| words).or(told) {
             self.write(words)?;
         }
@@ -286,7 +290,7 @@ mod tests {
             }
         }
         drop(sink);
-        (frames.finish().unwrap(), path)
+        (frames.finish(false).unwrap(), path)
     }
 
     #[test]
@@ -351,14 +355,44 @@ mod tests {
             let counter = if cycle % 15 == 14 { 2 } else { 3 };
             sink.record(cycle * 100_000_000, Direction::Inbound, &frame(0, counter)).unwrap();
         }
-        frames.wrong();
         drop(sink);
-        let kept = frames.finish().unwrap();
+        let kept = frames.finish(true).unwrap();
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "of an earlier run");
         assert_eq!(kept.files.len(), MOST_FILES + 1, "{:?}", kept.files);
         assert_eq!(kept.files[0].0, folder.join("x-2.pcapng"));
         assert!(kept.untold > 5, "{}", kept.untold);
         std::fs::remove_dir_all(&folder).unwrap();
+    }
+
+    /// However late the end's verdict comes, and whatever the run told in between.
+    #[test]
+    fn what_the_run_tells_is_written_with_what_came_before_it() {
+        let path = std::env::temp_dir().join(format!("omnibase-{}-told.pcapng", std::process::id()));
+        let keep = KeepFrames {
+            path: path.clone(),
+            interface: "eth1".into(),
+            seconds: Duration::from_secs(2),
+            when_full: WhenFull::Wait,
+        };
+        let told = Arc::<AtomicBool>::default();
+        let mut keeper = Keeper::new(keep, Arc::clone(&told));
+        for cycle in 0..1000u64 {
+            told.fetch_or(cycle == 300, Ordering::Relaxed);
+            let unix_ns = cycle * 10_000_000;
+            keeper.take(Entry { unix_ns, direction: Direction::Inbound, frame: frame(0, 3) }).unwrap();
+        }
+        let kept = keeper.end(true).unwrap();
+        let files: Vec<PathBuf> = kept.files.into_iter().map(|(path, _)| path).collect();
+        assert_eq!(files, [path.clone(), numbered(&path, 2)]);
+        for (file, expected) in
+            files.iter().zip([1_000_000_000..4_010_000_000, 7_900_000_000..10_000_000_000_u64])
+        {
+            let bytes = std::fs::read(file).unwrap();
+            let times = Capture::read(&bytes).unwrap().frames;
+            assert!(times.iter().all(|frame| expected.contains(&frame.unix_ns)), "{file:?}");
+            assert!(times.len() > 190, "{}", times.len());
+            std::fs::remove_file(file).unwrap();
+        }
     }
 
     #[test]

@@ -2,6 +2,7 @@
 
 mod told;
 
+use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -64,6 +65,8 @@ pub struct Progress {
     pub total: AtomicU64,
     /// It is over.
     pub ended: AtomicBool,
+    /// Becomes true when the robot comes to a fault.
+    pub fault: Arc<AtomicBool>,
 }
 
 /// What a run needs beside its link and its clock.
@@ -260,6 +263,7 @@ impl<'a> Cycle<'a> {
         if let Some(sensors) = &mut self.sensors {
             sensors.hear(&mut self.robot, self.time.now_ns);
         }
+        let before = self.robot.phase();
         let from = session.clock().now();
         self.last = *self.robot.compute(self.time, exchange, request, session.image());
         let compute_ns = (session.clock().now() - from).as_nanos() as u64;
@@ -292,6 +296,9 @@ impl<'a> Cycle<'a> {
         self.look_at_axes();
         self.look_at_sensors();
         let phase = self.robot.phase();
+        if phase == Phase::Fault && before != Phase::Fault {
+            self.progress.fault.store(true, Ordering::Relaxed);
+        }
         if let Some(words) = self.live.as_mut().and_then(|live| live.acyclic().step(session, phase)) {
             self.happened_by(self.time.now_ns, words, Some(Client::Command));
         }

@@ -1,5 +1,7 @@
 //! One drive turned slowly with little torque, while the key is held.
 
+use std::fmt;
+
 use omnibase_cia402::{
     DriveRequest, Enabling, ErrorCode, Feedback, Mode, Progress, Settings, StatusWord, Targets, Wanted,
 };
@@ -72,6 +74,25 @@ pub enum JogEnd {
     Drive(String),
     /// Frames were lost.
     Lost,
+}
+
+impl fmt::Display for JogEnd {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            JogEnd::LetGo => f.write_str("the key was let go"),
+            JogEnd::Longest => f.write_str("it took as long as a motion may"),
+            JogEnd::Gone => f.write_str("whoever held the key was gone"),
+            JogEnd::NeverHeld => f.write_str("the key was never held"),
+            JogEnd::Runaway { told, seen } => {
+                write!(
+                    f,
+                    "told {told:.1} counts a cycle, its encoder counted {seen:.1}: it counts the wrong way"
+                )
+            }
+            JogEnd::Drive(words) => f.write_str(words),
+            JogEnd::Lost => f.write_str("frames were lost"),
+        }
+    }
 }
 
 /// How a jog went.

@@ -400,7 +400,11 @@ fn a_drive_that_loses_its_power_while_it_is_jogged_is_jogged_again() {
         .filter(|line| line.starts_with("SubDevice 1: hold the key: SubDevice 1 turns"));
     let jogs: Vec<&String> = jogs.collect();
     assert!(jogs.len() >= 2, "{jogs:?}");
-    assert!(jogs.last().is_some_and(|line| line.contains(": LetGo, ")), "{:?}", found.record.log);
+    assert!(
+        jogs.last().is_some_and(|line| line.contains(": the key was let go, ")),
+        "{:?}",
+        found.record.log
+    );
 }
 
 /// A tape that says what no robot does is asked again, and never makes a file that can't be read.

@@ -1,7 +1,7 @@
 //! A device made from an SII image alone: identity, mailbox, PDOs and ports are what the image says.
 
 use super::axis::Axis;
-use super::panel::IoPanel;
+use super::panel::{IoPanel, MOST_BYTES};
 use super::servo::{self, Servo, ServoConfig};
 use super::{Device, Moment, Outputs, Piece};
 use crate::dictionary::pdo::Direction;
@@ -344,11 +344,12 @@ struct Terminals {
 impl Terminals {
     fn new(dictionary: &Dictionary, panel: IoPanel) -> Self {
         let place = |object| {
-            let bytes = |entry: &Entry| (entry.offset(), entry.capacity().min(8));
+            let bytes = |entry: &Entry| (entry.offset(), entry.capacity().min(MOST_BYTES));
             dictionary.entry(object).map_or((0, 0), bytes)
         };
         let inputs = panel.inputs().map(place).collect();
-        let outputs = panel.outputs().map(place).collect();
+        // What is shown of an output is a number.
+        let outputs = panel.outputs().map(place).map(|(offset, bytes)| (offset, bytes.min(8))).collect();
         Terminals { panel, inputs, outputs, modules: Vec::new() }
     }
 
@@ -385,7 +386,7 @@ impl Device for Terminals {
 
     fn run(&mut self, dictionary: &mut Dictionary, moment: Moment) {
         for (position, (offset, bytes)) in self.inputs.iter().enumerate() {
-            let value = self.panel.input_at(position).to_le_bytes();
+            let value = self.panel.input_at(position);
             dictionary.arena_mut()[*offset..*offset + *bytes].copy_from_slice(&value[..*bytes]);
         }
         self.show_outputs(dictionary, moment.outputs);

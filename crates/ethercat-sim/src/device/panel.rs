@@ -1,5 +1,6 @@
 //! The terminals of a simple I/O device: inputs to set, outputs to look at, while the segment runs.
 
+use crate::dictionary::little_endian;
 use omnibase_ethercat_wire::coe::ObjectAddress;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -9,14 +10,21 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// Values are unsigned numbers of the mapped length; setting and reading never wait.
 #[derive(Clone, Debug, Default)]
 pub struct IoPanel {
-    inputs: Arc<[(ObjectAddress, AtomicU64)]>,
+    inputs: Arc<[(ObjectAddress, Words)]>,
     outputs: Arc<[(ObjectAddress, AtomicU64)]>,
 }
 
+/// The most bytes of an entry of a PDO, which has 255 bits at most.
+pub const MOST_BYTES: usize = 32;
+/// They in numbers of 8 bytes.
+type Words = [AtomicU64; MOST_BYTES / 8];
+
 impl IoPanel {
     pub(super) fn new(inputs: &[ObjectAddress], outputs: &[ObjectAddress]) -> Self {
-        let values = |objects: &[ObjectAddress]| objects.iter().map(|at| (*at, AtomicU64::new(0))).collect();
-        IoPanel { inputs: values(inputs), outputs: values(outputs) }
+        IoPanel {
+            inputs: inputs.iter().map(|at| (*at, Words::default())).collect(),
+            outputs: outputs.iter().map(|at| (*at, AtomicU64::new(0))).collect(),
+        }
     }
 
     /// Objects that the MainDevice reads.
@@ -31,7 +39,18 @@ impl IoPanel {
 
     /// Sets an input; `false` where the device has none at this address.
     pub fn set_input(&self, object: ObjectAddress, value: u64) -> bool {
-        find(&self.inputs, object).map(|input| input.store(value, Ordering::Relaxed)).is_some()
+        let mut bytes = [0; MOST_BYTES];
+        bytes[..8].copy_from_slice(&value.to_le_bytes());
+        self.set_input_bytes(object, &bytes)
+    }
+
+    /// The same for an input of any length, byte by byte as they stand in the process data.
+    pub fn set_input_bytes(&self, object: ObjectAddress, bytes: &[u8; MOST_BYTES]) -> bool {
+        let Some(words) = find(&self.inputs, object) else { return false };
+        for (word, bytes) in words.iter().zip(bytes.chunks_exact(8)) {
+            word.store(little_endian(bytes), Ordering::Relaxed);
+        }
+        true
     }
 
     /// An output as the device gives it now; `None` where the device has none at this address.
@@ -39,8 +58,12 @@ impl IoPanel {
         find(&self.outputs, object).map(|output| output.load(Ordering::Relaxed))
     }
 
-    pub(super) fn input_at(&self, position: usize) -> u64 {
-        self.inputs[position].1.load(Ordering::Relaxed)
+    pub(super) fn input_at(&self, position: usize) -> [u8; MOST_BYTES] {
+        let mut all = [0; MOST_BYTES];
+        for (word, bytes) in self.inputs[position].1.iter().zip(all.chunks_exact_mut(8)) {
+            bytes.copy_from_slice(&word.load(Ordering::Relaxed).to_le_bytes());
+        }
+        all
     }
 
     pub(super) fn set_output_at(&self, position: usize, value: u64) {
@@ -48,6 +71,6 @@ impl IoPanel {
     }
 }
 
-fn find(values: &[(ObjectAddress, AtomicU64)], object: ObjectAddress) -> Option<&AtomicU64> {
+fn find<Value>(values: &[(ObjectAddress, Value)], object: ObjectAddress) -> Option<&Value> {
     values.iter().find(|(at, _)| *at == object).map(|(_, value)| value)
 }

@@ -108,8 +108,11 @@ pub struct Terminal {
 
 /// What a terminal with firmware can be synchronised by.
 const DC_MODES: &[(&str, u16)] = &[("FreeRun", 0), ("DcSync", 0x0300)];
-/// Most bytes of a terminal's direction.
-const TERMINAL_BYTES: u16 = 128;
+/// Where a terminal's outputs lie, and its inputs where the buffers of the outputs leave that free.
+const OUTPUTS: u16 = 0x1800;
+const INPUTS: u16 = 0x1C00;
+/// Buffers of a direction.
+const BUFFERS: u16 = 3;
 
 /// A terminal with these PDOs; one without any has no process data.
 pub fn terminal(terminal: &Terminal, piece: &Piece) -> Result<Generic, ImageTooShort> {
@@ -121,12 +124,15 @@ pub fn terminal(terminal: &Terminal, piece: &Piece) -> Result<Generic, ImageTooS
         coe_details: sii::COE_SDO | sii::COE_PDO_ASSIGN,
     });
     let mut process_data = Vec::new();
-    for (direction, pdos, start, control) in
-        [(Direction::Outputs, outputs, 0x1800, 0x64), (Direction::Inputs, inputs, 0x1C00, 0x20)]
-    {
+    let [output_bytes, input_bytes] = [outputs, inputs].map(|pdos| bytes(pdos));
+    let inputs_at =
+        INPUTS.max(OUTPUTS.saturating_add(output_bytes.saturating_mul(BUFFERS)).next_multiple_of(8));
+    for (direction, pdos, start, control, max_bytes) in [
+        (Direction::Outputs, outputs, OUTPUTS, 0x64, output_bytes),
+        (Direction::Inputs, inputs, inputs_at, 0x20, input_bytes),
+    ] {
         if !pdos.is_empty() {
             let number = if mailbox.is_some() { 2 } else { 0 } + process_data.len() as u8;
-            let max_bytes = TERMINAL_BYTES;
             process_data.push(ProcessSyncManager {
                 number,
                 direction,
@@ -147,6 +153,12 @@ pub fn terminal(terminal: &Terminal, piece: &Piece) -> Result<Generic, ImageTooS
     };
     let sii = image(name, identity, &process_data, &pdos, piece, mailbox);
     Generic::with_objects(&sii, piece, objects(parameters))
+}
+
+/// Bytes of a direction; more than any chip has memory for where they are more than a number holds.
+fn bytes(pdos: &[PdoMap]) -> u16 {
+    let bits: usize = pdos.iter().flat_map(|pdo| &pdo.entries).map(|(_, bits)| usize::from(*bits)).sum();
+    u16::try_from(bits.div_ceil(8)).unwrap_or(u16::MAX)
 }
 
 /// The entries of an object that is written whole, from this subindex (0 or 1), each with its bytes: of one length, where the bytes

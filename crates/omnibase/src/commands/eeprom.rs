@@ -4,7 +4,7 @@ use crate::new_file;
 use crate::progress::{note, warn};
 use crate::target::{AnyBus, Manners, Port, Target};
 use crate::to_the_end::to_the_end;
-use crate::{Outcome, commands};
+use crate::{Outcome, commands, small_file};
 use anyhow::{Context, ensure};
 use omnibase_ethercat::eeprom::{MAX_BYTES, with_checksum};
 use omnibase_ethercat::wire::AlState;
@@ -118,7 +118,7 @@ fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Out
 
 fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let path = arguments.file.display();
-    let image = std::fs::read(&arguments.file).with_context(|| format!("reading `{path}`"))?;
+    let image = small_file::read(&arguments.file, small_file::EEPROM)?;
     ensure!(
         !is_blank(&image),
         "`{path}` is the image of an erased EEPROM, which has nothing to be known by: not written"

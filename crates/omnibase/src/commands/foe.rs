@@ -4,7 +4,7 @@ use crate::commands::eeprom::open_at_rest;
 use crate::progress::{bar, note, warn};
 use crate::target::{AnyBus, Target};
 use crate::to_the_end::to_the_end;
-use crate::{Outcome, new_file};
+use crate::{Outcome, new_file, small_file};
 use anyhow::{Context, ensure};
 use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::field::FILE_TIMEOUT;
@@ -89,7 +89,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 
 fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let WriteArguments { place, file, no_compare } = arguments;
-    let content = std::fs::read(file).with_context(|| format!("reading `{}`", file.display()))?;
+    let content = small_file::read(file, small_file::FIRMWARE)?;
     ensure!(!content.is_empty(), "`{}` is empty: not written", file.display());
     let access = place.access(file)?;
     let mut bus = place.open()?;

@@ -160,7 +160,8 @@ pub fn run(
     }
     let mut page = arguments.page(files.as_ref())?;
     let (recorder, recording) = arguments.recorder(&robot, &room, known, files, page.as_ref())?.unzip();
-    let progress = Progress::default();
+    let fault = frames.as_ref().map(LastFrames::told).unwrap_or_default();
+    let progress = Progress { fault, ..Progress::default() };
     let describer = recorder.as_ref().map(RunRecorder::describer);
     // Its thread starts before this one asks for a higher priority.
     let (operated, live) =
@@ -421,10 +422,7 @@ impl Arguments {
 
 /// Says which files hold the frames of what went wrong, the run's own end with them.
 fn tell_frames(frames: LastFrames, is_wrong: bool) -> anyhow::Result<()> {
-    if is_wrong {
-        frames.wrong();
-    }
-    let kept = frames.finish().context("--frames")?;
+    let kept = frames.finish(is_wrong).context("--frames")?;
     if kept.files.is_empty() {
         note("--frames: nothing went wrong, nothing was written");
     }

@@ -15,7 +15,7 @@ use crate::token;
 use anyhow::Context;
 use omnibase_dashboard::Access;
 use omnibase_ethercat::wire::Link;
-use omnibase_host::{SoleUse, stop_on_signals};
+use omnibase_host::{FileLock, stop_on_signals};
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::pace::PacedClock;
 use omnibase_setup::{Calibrated, Ended, Guide, Hand, Outside, Record, Step, Wished, robot_file};
@@ -103,7 +103,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         .with_context(|| format!("reading `{}`", arguments.robot.display()))?;
     let (state, told) = (beside(&arguments.output, "state.json"), beside(&arguments.output, "record.md"));
     // Two that write one state would each lose what the other found.
-    let _sole = SoleUse::of_file(&arguments.output)?;
+    let _sole = FileLock::take(&state)?;
     let before = match kept_record(&state) {
         // Nobody needs what can't be read to begin anew; it is set aside all the same.
         Err(_) if arguments.anew => None,

@@ -3,6 +3,7 @@
 use crate::Outcome;
 use crate::hex;
 use crate::sii_json::{self, ImageJson};
+use crate::small_file;
 use anyhow::Context;
 use omnibase_ethercat_wire::sii::{Image, MailboxArea, Pdo};
 use std::io::{self, Write};
@@ -29,7 +30,7 @@ const SHOWN: usize = 64;
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let path = arguments.image.display();
-    let bytes = std::fs::read(&arguments.image).with_context(|| format!("reading `{path}`"))?;
+    let bytes = small_file::read(&arguments.image, small_file::EEPROM)?;
     let (image, problems) = Image::parse(&bytes).with_context(|| format!("reading `{path}`"))?;
     if arguments.json {
         serde_json::to_writer_pretty(&mut *output, &ImageJson::new(&image, &problems))?;

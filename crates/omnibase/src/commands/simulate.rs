@@ -13,7 +13,7 @@ use logbook::{Arrival, Entry, Logbook, Standstill, TruePose, WatchdogStop};
 use omnibase_ethercat_sim::{Fault, MainPort, Pace, RingEnds, Segment, Served, serve, serve_ring};
 use omnibase_ethercat_wire::sii::Image;
 use omnibase_ethercat_wire::{HostTime, LinkError};
-use omnibase_host::{LinkState, SoleUse, Waiting, interface, stop_on_signals};
+use omnibase_host::{InterfaceLock, LinkState, Waiting, interface, stop_on_signals};
 use omnibase_robot::Registry;
 use omnibase_run::simulated::{self, Script};
 use serde::Serialize;
@@ -135,7 +135,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     let stop = stop_on_signals()?;
     // Two simulators would both answer every frame.
     let interfaces = std::iter::once(&arguments.interface).chain(&arguments.redundant);
-    let _locks = interfaces.map(|name| SoleUse::of_interface(name)).collect::<Result<Vec<_>, _>>()?;
+    let _locks = interfaces.map(|name| InterfaceLock::take(name)).collect::<Result<Vec<_>, _>>()?;
     let target = Target::Interface(arguments.interface.clone());
     // Sleeps to the microsecond: the SubDevices' own events are due between frames.
     let mut cable = target.open(Port::Ring(Waiting::Sleep))?;

@@ -28,6 +28,7 @@ impl Device<'_> {
             let (name, unit, coding) = self.signal(&key, "inputs", &written, pdos)?;
             let reason = "the process data can't hold it";
             self.held(&format!("{key}.simulated"), *simulated, &coding, reason)?;
+            self.is_simulated(&format!("{key}.simulated"), *simulated, &coding, pdos)?;
             Some(InputPlan { name, unit, coding: Some(coding), simulated: *simulated })
         });
         let own: Vec<Option<InputPlan>> = own.collect();
@@ -61,6 +62,30 @@ impl Device<'_> {
         });
         let own: Vec<Option<OutputPlan>> = own.collect();
         defaults.output.iter().cloned().map(Some).chain(own).collect()
+    }
+
+    /// What a simulated SubDevice says stands in its objects: there is nothing in the padding between them.
+    fn is_simulated(
+        &mut self,
+        key: &str,
+        value: Option<f64>,
+        coding: &Coding,
+        pdos: &[PdoPlan],
+    ) -> Option<()> {
+        let end = coding.bit + u32::from(coding.bits);
+        let mut at = 0;
+        let mut in_padding = pdos.iter().flat_map(|pdo| &pdo.entries).filter(|entry| {
+            let begin = at;
+            at += u32::from(entry.bits);
+            entry.index == 0 && begin < end && coding.bit < at
+        });
+        if value.is_none() || in_padding.next().is_none() {
+            return Some(());
+        }
+        let reason = "it stands in padding, which a simulated SubDevice leaves at 0";
+        self.check.report(ProblemKind::Contradiction, &self.setting(key), reason).value =
+            value.map(|value| value.to_string());
+        None
     }
 
     /// A value that the process data must be able to hold; `None` where they aren't.
@@ -204,6 +229,24 @@ impl Device<'_> {
         let problem = self.check.report(ProblemKind::OutOfRange, setting, reason);
         problem.value = Some(value.to_string());
         problem.limit = Some(format!("0 to {most}"));
+    }
+
+    /// Two that are written to the same bits would each undo the other.
+    pub(super) fn own_bits_each(&mut self, output: &[OutputPlan]) {
+        let bits =
+            |one: &OutputPlan| one.coding.map(|coding| coding.bit..coding.bit + u32::from(coding.bits));
+        for (n, one) in output.iter().enumerate() {
+            let Some(own) = bits(one) else { continue };
+            let before = output[..n].iter().find(|other| {
+                bits(other).is_some_and(|other| other.start < own.end && own.start < other.end)
+            });
+            if let Some(other) = before {
+                let setting = self.setting(&format!("output[{n}].object"));
+                let reason = format!("it stands in bits of `{}`, which would be lost", other.name);
+                self.check.report(ProblemKind::Contradiction, &setting, reason).value =
+                    Some(format!("\"{}\"", one.name));
+            }
+        }
     }
 
     /// Recordings have a column for each, and one for the age.

@@ -121,6 +121,7 @@ impl Device<'_> {
             axis::resolve(self.check, &table, axis, f64::from(cycle_us(&self.file.bus)) * 1e-6)
         });
         let (outputs, inputs) = (outputs?, inputs?);
+        self.memory(&outputs, &inputs)?;
         let group = self.group(place, &outputs, &inputs);
         let setting = self.setting("every");
         let every = rates::resolve(self.check, self.file, &setting, own, !outputs.is_empty());
@@ -144,6 +145,7 @@ impl Device<'_> {
         let output = self.outputs(defaults, &outputs);
         let (input, output) = (input?, output?);
         self.one_name_each(&input, &output);
+        self.own_bits_each(&output);
         Some(DevicePlan {
             name: name?,
             place: place?,
@@ -162,6 +164,21 @@ impl Device<'_> {
             by_signals: defaults.by_signals,
             custom: own.custom.clone(),
         })
+    }
+
+    /// A chip has at most 60 KiB for process data, and keeps three buffers of each direction (ETG.1000.4, SyncManagers).
+    fn memory(&mut self, outputs: &[PdoPlan], inputs: &[PdoPlan]) -> Option<()> {
+        const MOST_BYTES: u32 = 60 * 1024 / 3;
+        let bytes = |pdos: &[PdoPlan]| pdos.iter().map(PdoPlan::bits).sum::<u32>().div_ceil(8);
+        let found = bytes(outputs) + bytes(inputs);
+        if found <= MOST_BYTES {
+            return Some(());
+        }
+        let setting = self.setting(if bytes(outputs) > bytes(inputs) { "outputs" } else { "inputs" });
+        let problem = self.check.report(ProblemKind::OutOfRange, &setting, "no chip has so much memory");
+        problem.value = Some(format!("{found} bytes of process data in both directions"));
+        problem.limit = Some(format!("at most {MOST_BYTES}, for each is kept three times"));
+        None
     }
 
     /// The hot-connect group, where it can be of one.

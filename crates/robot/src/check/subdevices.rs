@@ -84,6 +84,9 @@ pub(super) const OUTPUT_PDOS: RangeInclusive<u16> = 0x1600..=0x17FF;
 /// Indices of the PDOs from a SubDevice.
 pub(super) const INPUT_PDOS: RangeInclusive<u16> = 0x1A00..=0x1BFF;
 
+/// The most entries of a PDO's map.
+const MOST_ENTRIES: usize = 254;
+
 /// PDO maps of one direction, whose indices lie in a range.
 pub(super) fn pdos(
     check: &mut Check,
@@ -112,6 +115,13 @@ pub(super) fn pdos(
             }
         });
         let entries = map.and_then(|map| match parse_map(map) {
+            Ok(entries) if entries.len() > MOST_ENTRIES => {
+                let reason = "a map has fewer entries (CoE: subindices 1 to 254)";
+                let problem = check.report(ProblemKind::OutOfRange, &format!("{setting}.map"), reason);
+                problem.value = Some(format!("{} entries", entries.len()));
+                problem.limit = Some(format!("at most {MOST_ENTRIES}"));
+                None
+            }
             Ok(entries) => Some(entries),
             Err(error) => {
                 check.report(ProblemKind::WrongType, &format!("{setting}.map"), error).value =

@@ -106,10 +106,43 @@ fn a_number_in_an_array_of_bytes_is_read_from_its_byte() {
         ("byte = 0, bit = 8", "bit = 8: a byte has fewer bits (allowed: 0 to 7)"),
         ("byte = 0, bit = 1, type = \"u8\"", "type: `bit` is of a `bool`"),
         ("byte = 0, type = \"bool\"", "type: `bit` is of a `bool`"),
+        (
+            "byte = 30, type = \"u8\", simulated = 1",
+            "simulated = 1: it stands in padding, which a simulated SubDevice leaves at 0",
+        ),
     ] {
         let refusal = refusal(&text(&format!("{{ name = \"x\", object = \"6000.2\", {signal} }}")));
         assert!(refusal.contains(&format!("device[4].input[0].{expected}")), "{refusal}");
     }
+}
+
+/// Outputs in the same bits, more entries than a map has, and more bytes than a chip has memory for.
+#[test]
+fn what_no_subdevice_can_have_is_refused() {
+    let twice = "output = [{ name = \"word\", object = \"7000.1\", byte = 0, type = \"u8\" }, { name = \"bit\", object = \"7000.1\", bit = 3 }]\n";
+    let told = refusal(&with_module(twice));
+    assert!(
+        told.contains("output[1].object = \"bit\": it stands in bits of `word`, which would be lost"),
+        "{told}"
+    );
+    let with_map = |map: String| {
+        let table = format!(
+            "[[device]]\nname = \"module\"\nposition = 7\nkind = \"io\"\ninputs = [{{ pdo = \"0x1A00\", map = \"{map}\" }}]\n[platform]"
+        );
+        refusal(&IO.replace("[platform]", &table))
+    };
+    let told = with_map(format!("6000.1:240{}", " pad:240".repeat(254)));
+    assert!(told.contains("255 entries") && told.contains("at most 254"), "{told}");
+    let one = |pdo: u16| {
+        format!("{{ pdo = \"0x{:04X}\", map = \"6000.{pdo}:255{}\" }}", 0x1A00 + pdo, " pad:255".repeat(253))
+    };
+    let all: Vec<String> = (1..=3).map(one).collect();
+    let table = format!(
+        "[[device]]\nname = \"module\"\nposition = 7\nkind = \"io\"\ninputs = [{}]\n[platform]",
+        all.join(", ")
+    );
+    let told = refusal(&IO.replace("[platform]", &table));
+    assert!(told.contains("24289 bytes of process data") && told.contains("at most 20480"), "{told}");
 }
 
 fn refusal(text: &str) -> String {

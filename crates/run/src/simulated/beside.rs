@@ -5,6 +5,7 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::sii::ImageTooShort;
 use omnibase_ethercat_sim::device::Piece;
 use omnibase_ethercat_sim::device::generic::Generic;
+use omnibase_ethercat_sim::device::panel::MOST_BYTES;
 use omnibase_ethercat_sim::device::simple::{self, Terminal};
 use omnibase_ethercat_sim::dictionary::standard::PdoMap;
 use omnibase_robot::config::{BusPlace, DevicePlan, ParameterPlan, PdoPlan};
@@ -33,10 +34,12 @@ pub(super) fn terminal(device: &DevicePlan, number: usize) -> Result<Generic, Im
     }
     let mut at = 0_usize;
     for entry in device.inputs.iter().flat_map(|pdo| &pdo.entries) {
-        let bits = at..at + usize::from(entry.bits);
-        at = bits.end;
-        let value = bits.rev().fold(0, |value, bit| value << 1 | u64::from(bytes[bit / 8] >> (bit % 8) & 1));
-        generic.panel.set_input(ObjectAddress::new(entry.index, entry.subindex), value);
+        let mut value = [0; MOST_BYTES];
+        for n in 0..usize::from(entry.bits) {
+            value[n / 8] |= (bytes[(at + n) / 8] >> ((at + n) % 8) & 1) << (n % 8);
+        }
+        at += usize::from(entry.bits);
+        generic.panel.set_input_bytes(ObjectAddress::new(entry.index, entry.subindex), &value);
     }
     Ok(generic)
 }

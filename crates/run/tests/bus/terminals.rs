@@ -204,6 +204,36 @@ fn a_terminal_with_a_mailbox_is_sent_its_maps_and_parameters() {
     assert!(error.contains("6000") || error.contains("1a00"), "{error}");
 }
 
+/// More in each direction than has room between the usual places of outputs and inputs.
+#[test]
+fn a_terminal_with_much_process_data_is_simulated() {
+    let map =
+        |object: u16| (1..=5).map(|entry| format!("{object:04X}.{entry}:240")).collect::<Vec<_>>().join(" ");
+    let pdos = |first: u16, object: u16| {
+        let all = (0..6)
+            .map(|pdo| format!("{{ pdo = \"0x{:04X}\", map = \"{}\" }}", first + pdo, map(object + pdo)));
+        all.collect::<Vec<_>>().join(", ")
+    };
+    let text = format!(
+        "[[device]]\nname = \"gateway\"\nposition = 3\nkind = \"io\"\noutputs = [{}]\ninputs = [{}]\n\
+         input = [{{ name = \"far\", object = \"6005.5\", byte = 28, type = \"i16\", simulated = -7 }}]\n\
+         output = [{{ name = \"told\", object = \"7005.5\", byte = 29, type = \"u8\", on_stop = 9 }}]\n\
+         parameters = [{{ object = \"8010\", type = \"u8\", value = 1 }}]\n",
+        pdos(0x1600, 0x7000),
+        pdos(0x1A00, 0x6000)
+    );
+    let mut bench = Bench::new(&plan(&text));
+    bench.enable();
+    bench.run(100);
+    let signals = bench.robot.record().signals;
+    assert_eq!((signals.believed, signals.inputs[0], signals.outputs[0]), (1, -7.0, 9.0));
+    assert_eq!((signals.shape.input_bytes, signals.shape.output_bytes), (2, 1));
+    let number = |register: u16| u16::from_le_bytes(bench.peek(3, register, 2).try_into().unwrap());
+    let [start, length] = [0x0810, 0x0812].map(number);
+    assert_eq!((length, number(0x081A)), (900, 900));
+    assert!(number(0x0818) >= start + 3 * length, "{} behind {start}", number(0x0818));
+}
+
 /// What a maker's file has written into objects of its own range is taken by simulated drives, too; what the standard has and
 /// they haven't is refused.
 #[test]

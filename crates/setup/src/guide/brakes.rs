@@ -47,7 +47,7 @@ impl<C: Clock> Guide<'_, C> {
         );
         let jog = self.jog(number, Motion::Stands(ENABLED_S), &what)?;
         if jog.end != JogEnd::Longest {
-            self.record.found(format!("{wheel}: its brake wasn't opened for {ENABLED_S} s: {:?}", jog.end));
+            self.record.found(format!("{wheel}: its brake wasn't opened for {ENABLED_S} s: {}", jog.end));
             return Ok(false);
         }
         let choices = ["yes", "no"].map(str::to_owned);

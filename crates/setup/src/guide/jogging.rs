@@ -66,7 +66,7 @@ impl<C: Clock> Guide<'_, C> {
         }
         let ended = operational.paced.end(|paced| paced.exchange(&mut operational.image).map(drop));
         self.record.note(format!(
-            "SubDevice {}: {what}: {:?}, {} counts, enabled for {} cycles, {} without a held key",
+            "SubDevice {}: {what}: {}, {} counts, enabled for {} cycles, {} without a held key",
             drive.position, jog.end, jog.travel_counts, jog.enabled_cycles, jog.unheld_cycles
         ));
         self.kept();

@@ -1,7 +1,7 @@
 //! A device's table for a robot's file.
 
 use super::clocks;
-use crate::robot_table::{RobotTable, TO_FILL, plain_name};
+use crate::robot_table::{RobotTable, TO_FILL, in_array, plain_name};
 use omnibase_esi::model::{Coe, Pdo, PdoEntry};
 use omnibase_esi::{Assembly, Command, CommandSource, Device, EsiFile};
 use std::fmt::Write;
@@ -264,17 +264,14 @@ fn signals(maps: &[Vec<Pdo>; 2], table: &mut RobotTable) {
                     table.comment(&format!("  {name}: {TO_FILL}, a number of it can't be read"));
                     continue;
                 }
-                _ if number >= SIGNALS => format!("  # {{ name = \"{name}\", object = \"{object}\" }},"),
                 Some("bool") => format!("  {{ name = \"{name}\", object = \"{object}\" }},"),
                 Some(kind) => format!("  {{ name = \"{name}\", object = \"{object}\", type = \"{kind}\" }},"),
                 None => {
-                    table.comment(&format!(
-                        "  {{ name = \"{name}\", object = \"{object}\", byte = 0, type = \"u8\" }}, of {} bits: take those that you need",
-                        entry.bits
-                    ));
+                    table.comment(&format!("  {}", in_array(&name, &object, entry.bits)));
                     continue;
                 }
             };
+            let line = if number >= SIGNALS { format!("  #{}", &line[1..]) } else { line };
             table.line(&line, &format!("{} {}", entry.name, entry.data_type));
         }
         table.line("]", "");

@@ -112,7 +112,9 @@ impl Runner {
         // Whatever happened, drives shall not be left in OP.
         let Runner { paced, image, .. } = self;
         let ended = paced.end(|paced| paced.exchange(image).map(drop));
-        ran.and(ended.map_err(anyhow::Error::from))
+        // Who hangs is named, and doesn't hear the way to INIT.
+        let is_heard = self.measured.not_operational.is_empty();
+        ran.and(if is_heard { ended.map_err(anyhow::Error::from) } else { Ok(()) })
     }
 
     /// Everyone is in OP and answering.

@@ -1,6 +1,6 @@
 //! What `scan` found, as tables for a robot's file.
 
-use crate::robot_table::{RobotTable, TO_FILL, plain_name};
+use crate::robot_table::{RobotTable, TO_FILL, in_array, plain_name};
 use crate::target::AnyBus;
 use omnibase_ethercat::Warning;
 use omnibase_ethercat::start_up::SdoAccess;
@@ -292,7 +292,7 @@ fn signals(maps: &[Vec<MappedPdo>; 2], table: &mut RobotTable) {
             let line = match kind {
                 Some("bool") => format!("  {{ name = \"{name}\", object = \"{object}\" }},"),
                 Some(kind) => format!("  {{ name = \"{name}\", object = \"{object}\", type = \"{kind}\" }},"),
-                None => format!("  # {name}, {object}: {} bits are no signal", entry.bit_length),
+                None => format!("  # {}", in_array(&name, &object, entry.bit_length)),
             };
             let line = if number >= SIGNALS && kind.is_some() { format!("  #{}", &line[1..]) } else { line };
             table.line(&line, &told);

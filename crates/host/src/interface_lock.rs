@@ -1,4 +1,4 @@
-//! One program of ours at an interface, or with a file that it writes, at a time.
+//! One program of ours at an interface at a time.
 //!
 //! The lock is a listening socket with an abstract name: such names belong to the network namespace, as interfaces
 //! do, leave no file behind, and are free again however their holder ends. Nothing is ever accepted at it: who
@@ -9,33 +9,30 @@
 
 use crate::interface;
 use crate::raw::OpenError;
-use std::hash::{DefaultHasher, Hash, Hasher};
 use std::io;
 use std::mem::size_of;
 use std::os::fd::AsRawFd;
 use std::os::linux::net::SocketAddrExt;
-use std::os::unix::fs::MetadataExt;
 use std::os::unix::net::{SocketAddr, UnixListener};
-use std::path::Path;
 use std::time::{Duration, Instant};
 
 /// How long the copies of an ended holder's socket may live on.
 const COPIES: Duration = Duration::from_secs(5);
 
-/// The sole use of an interface or a file, as long as the value lives.
+/// The sole use of an interface, as long as the value lives.
 #[derive(Debug)]
-pub struct SoleUse {
+pub struct InterfaceLock {
     listener: UnixListener,
 }
 
-impl Drop for SoleUse {
+impl Drop for InterfaceLock {
     fn drop(&mut self) {
         // It can't fail for a socket that listens; if it did, closing would still end it.
         let _ = rustix::net::shutdown(&self.listener, rustix::net::Shutdown::Both);
     }
 }
 
-/// Who has it.
+/// Who has an interface.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Holder {
     /// Its process.
@@ -44,14 +41,14 @@ pub struct Holder {
     pub command: String,
 }
 
-/// Why it could not be had.
+/// Why an interface could not be had.
 #[derive(Debug, thiserror::Error)]
 pub enum LockError {
     /// Another program of ours has it.
-    #[error("`{what}` is in use by {}", in_words(.holder.as_ref()))]
+    #[error("`{interface}` is in use by {}", in_words(.holder.as_ref()))]
     Held {
-        /// The interface or file.
-        what: String,
+        /// The interface.
+        interface: String,
         /// Who has it; `None` where the system doesn't tell.
         holder: Option<Holder>,
     },
@@ -59,10 +56,10 @@ pub enum LockError {
     #[error(transparent)]
     Interface(#[from] OpenError),
     /// The operating system refused.
-    #[error("taking the lock of `{what}`: {cause}")]
+    #[error("taking the lock of `{interface}`: {cause}")]
     System {
-        /// The interface or file.
-        what: String,
+        /// The interface.
+        interface: String,
         /// Why.
         cause: io::Error,
     },
@@ -76,34 +73,20 @@ fn in_words(holder: Option<&Holder>) -> String {
     }
 }
 
-impl SoleUse {
+impl InterfaceLock {
     /// Takes the interface `name` of this network namespace, whatever it is called beside that.
-    pub fn of_interface(name: &str) -> Result<Self, LockError> {
+    pub fn take(name: &str) -> Result<Self, LockError> {
         let index = interface::index_of(name).ok_or_else(|| OpenError::NoSuchInterface {
             interface: name.to_owned(),
             existing: interface::names(),
         })?;
-        Self::take(name, &format!("interface-{index}"))
-    }
-
-    /// Takes a file, which needn't be there yet; its folder must be.
-    pub fn of_file(path: &Path) -> Result<Self, LockError> {
-        let what = path.display().to_string();
-        let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let failed = |cause| LockError::System { what: what.clone(), cause };
-        let folder = std::fs::metadata(folder).map_err(failed)?;
-        let mut hasher = DefaultHasher::new();
-        (folder.dev(), folder.ino(), path.file_name()).hash(&mut hasher);
-        Self::take(&what, &format!("file-{:016x}", hasher.finish()))
-    }
-
-    fn take(what: &str, name: &str) -> Result<Self, LockError> {
-        let failed = |cause| LockError::System { what: what.to_owned(), cause };
-        let address = SocketAddr::from_abstract_name(format!("omnibase-{name}")).map_err(failed)?;
+        let failed = |cause| LockError::System { interface: name.to_owned(), cause };
+        let address =
+            SocketAddr::from_abstract_name(format!("omnibase-interface-{index}")).map_err(failed)?;
         let begin = Instant::now();
         loop {
             let error = match UnixListener::bind_addr(&address) {
-                Ok(listener) => return Ok(SoleUse { listener }),
+                Ok(listener) => return Ok(InterfaceLock { listener }),
                 Err(error) => error,
             };
             if error.kind() != io::ErrorKind::AddrInUse {
@@ -112,10 +95,10 @@ impl SoleUse {
             match listening(&address) {
                 Listening::Nobody if begin.elapsed() < COPIES => std::thread::sleep(Duration::from_millis(1)),
                 Listening::Nobody | Listening::Unknown => {
-                    return Err(LockError::Held { what: what.to_owned(), holder: None });
+                    return Err(LockError::Held { interface: name.to_owned(), holder: None });
                 }
                 Listening::Holder(holder) => {
-                    return Err(LockError::Held { what: what.to_owned(), holder: Some(holder) });
+                    return Err(LockError::Held { interface: name.to_owned(), holder: Some(holder) });
                 }
             }
         }
@@ -184,27 +167,10 @@ fn command_of(pid: u32) -> String {
 mod tests {
     use super::*;
 
-    /// However the path to it is written; another file beside it is free.
-    #[test]
-    fn a_file_is_of_one_holder_until_this_ends() {
-        let folder = std::env::temp_dir().join(format!("omnibase-sole-use-{}", std::process::id()));
-        std::fs::create_dir(&folder).unwrap();
-        let held = SoleUse::of_file(&folder.join("mine.toml")).unwrap();
-        let refused = SoleUse::of_file(&folder.join(".").join("mine.toml")).unwrap_err();
-        let LockError::Held { holder: Some(holder), .. } = &refused else { panic!("{refused}") };
-        assert_eq!(holder.pid, std::process::id());
-        SoleUse::of_file(&folder.join("other.toml")).unwrap();
-        drop(held);
-        SoleUse::of_file(&folder.join("mine.toml")).unwrap();
-        assert!(matches!(SoleUse::of_file(&folder.join("none/mine.toml")), Err(LockError::System { .. })));
-        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0, "nothing is left behind");
-        std::fs::remove_dir(&folder).unwrap();
-    }
-
     /// A child of the holder keeps a copy of the socket until it has become its program.
     #[test]
     fn copies_of_an_ended_holders_socket_are_waited_for() {
-        let held = SoleUse::of_interface("lo").unwrap();
+        let held = InterfaceLock::take("lo").unwrap();
         let copy = held.listener.try_clone().unwrap();
         drop(held);
         std::thread::scope(|scope| {
@@ -212,7 +178,7 @@ mod tests {
                 std::thread::sleep(Duration::from_millis(50));
                 drop(copy);
             });
-            SoleUse::of_interface("lo").unwrap();
+            InterfaceLock::take("lo").unwrap();
         });
     }
 }
