@@ -163,6 +163,14 @@ impl DevicePlan {
         bytes(&self.outputs)
     }
 
+    /// How long before the frame that fetches them its inputs are, ns: since its last SYNC0. Without any nobody knows: half a cycle.
+    pub fn input_age_ns(&self, bus: &BusPlan) -> u64 {
+        let Some(dc) = &self.dc else { return bus.cycle_ns / 2 };
+        let own_cycle_ns = bus.cycle_ns * u64::from(self.every.cycles());
+        let period_ns = own_cycle_ns as i64 / i64::from(dc.sync0_per_cycle.max(1));
+        (period_ns - i64::from(dc.sync0_shift_ns).rem_euclid(period_ns.max(1))) as u64
+    }
+
     /// Exchanges in a row that it may miss where `tolerated` of its own may be missed.
     pub fn most_missed(&self, tolerated: u32) -> u32 {
         tolerated.saturating_add(1).saturating_mul(self.every.cycles().into()) - 1

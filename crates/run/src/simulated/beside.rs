@@ -5,6 +5,7 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::sii::ImageTooShort;
 use omnibase_ethercat_sim::device::Piece;
 use omnibase_ethercat_sim::device::generic::Generic;
+use omnibase_ethercat_sim::device::panel::IoPanel;
 use omnibase_ethercat_sim::device::simple::{self, Terminal};
 use omnibase_ethercat_sim::dictionary::standard::PdoMap;
 use omnibase_robot::config::{BusPlace, DevicePlan, ParameterPlan, PdoPlan};
@@ -25,20 +26,30 @@ pub(super) fn terminal(device: &DevicePlan, number: usize) -> Result<Generic, Im
         parameters: device.parameters.iter().flat_map(entries).collect(),
     };
     let generic = simple::terminal(&terminal, &piece(device, number))?;
+    show(&device.inputs, &simulated_bytes(device), &generic.panel);
+    Ok(generic)
+}
+
+/// Its process data with the values that the file says of the simulated robot.
+pub(super) fn simulated_bytes(device: &DevicePlan) -> Vec<u8> {
     let mut bytes = vec![0; device.input_bytes()];
     for input in &device.input {
         if let (Some(coding), Some(value)) = (input.coding, input.simulated) {
             coding.write(value, &mut bytes);
         }
     }
+    bytes
+}
+
+/// Puts process data at a device's terminals.
+pub(super) fn show(pdos: &[PdoPlan], bytes: &[u8], panel: &IoPanel) {
     let mut at = 0_usize;
-    for entry in device.inputs.iter().flat_map(|pdo| &pdo.entries) {
+    for entry in pdos.iter().flat_map(|pdo| &pdo.entries) {
         let bits = at..at + usize::from(entry.bits);
         at = bits.end;
         let value = bits.rev().fold(0, |value, bit| value << 1 | u64::from(bytes[bit / 8] >> (bit % 8) & 1));
-        generic.panel.set_input(ObjectAddress::new(entry.index, entry.subindex), value);
+        panel.set_input(ObjectAddress::new(entry.index, entry.subindex), value);
     }
-    Ok(generic)
 }
 
 /// The entries that a parameter writes, each with its bytes.
