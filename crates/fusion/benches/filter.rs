@@ -1,7 +1,7 @@
 //! What a cycle of the filter costs, set of sensors by set: instructions in the mean and in the dearest cycle, and time.
 //!
 //! `cargo bench -p omnibase-fusion`: a platform on a circle at 0.5 m/s, its cycle 1 ms. Gyro or imu in each of them, two mice at 125 Hz,
-//! poses at 100 Hz that are late by so many milliseconds. Instructions are counted by callgrind where valgrind is installed: the
+//! a twist at 50 Hz, poses at 100 Hz that are late by so many milliseconds. Instructions are counted by callgrind where valgrind is installed: the
 //! difference of two runs, each in a process of its own. Time is that of the quickest of 31 batches of a thousand cycles. The dearest cycle
 //! is the longest of a thousand, each taken as the least of thirty runs through the same: both leave out what else the machine does.
 
@@ -21,55 +21,31 @@ const WARM: u64 = 3000;
 /// What the issue allows a cycle with gyro, two mice and poses at 100 Hz, us.
 const ALLOWED_US: f64 = 3.0;
 
-/// Which sensors, and how late poses are.
+/// Which sensors tell speeds, and how late poses are.
 #[derive(Clone, Copy)]
 struct Set {
     name: &'static str,
-    turn: Option<SensorKind>,
-    has_mice: bool,
+    speeds: &'static [SensorKind],
     late_ms: Option<u64>,
 }
 
-const SETS: [Set; 9] = [
-    Set { name: "wheels", turn: None, has_mice: false, late_ms: None },
-    Set { name: "gyro", turn: Some(SensorKind::Turn), has_mice: false, late_ms: None },
-    Set { name: "gyro, two mice", turn: Some(SensorKind::Turn), has_mice: true, late_ms: None },
-    Set {
-        name: "gyro, two mice, poses 0 ms late",
-        turn: Some(SensorKind::Turn),
-        has_mice: true,
-        late_ms: Some(0),
-    },
-    Set {
-        name: "gyro, two mice, poses 20 ms late",
-        turn: Some(SensorKind::Turn),
-        has_mice: true,
-        late_ms: Some(20),
-    },
-    Set {
-        name: "gyro, two mice, poses 200 ms late",
-        turn: Some(SensorKind::Turn),
-        has_mice: true,
-        late_ms: Some(200),
-    },
-    Set {
-        name: "gyro, two mice, poses 1 s late",
-        turn: Some(SensorKind::Turn),
-        has_mice: true,
-        late_ms: Some(1000),
-    },
-    Set {
-        name: "imu, two mice, poses 20 ms late",
-        turn: Some(SensorKind::Inertial),
-        has_mice: true,
-        late_ms: Some(20),
-    },
-    Set {
-        name: "imu, two mice, poses 1 s late",
-        turn: Some(SensorKind::Inertial),
-        has_mice: true,
-        late_ms: Some(1000),
-    },
+const GYRO: &[SensorKind] = &[SensorKind::Turn];
+const MICE: &[SensorKind] = &[SensorKind::Turn, SensorKind::Flow, SensorKind::Flow];
+const IMU: &[SensorKind] = &[SensorKind::Inertial, SensorKind::Flow, SensorKind::Flow];
+const TWIST: &[SensorKind] = &[SensorKind::Inertial, SensorKind::Flow, SensorKind::Flow, SensorKind::Twist];
+
+const SETS: [Set; 11] = [
+    Set { name: "wheels", speeds: &[], late_ms: None },
+    Set { name: "gyro", speeds: GYRO, late_ms: None },
+    Set { name: "gyro, two mice", speeds: MICE, late_ms: None },
+    Set { name: "gyro, two mice, poses 0 ms late", speeds: MICE, late_ms: Some(0) },
+    Set { name: "gyro, two mice, poses 20 ms late", speeds: MICE, late_ms: Some(20) },
+    Set { name: "gyro, two mice, poses 200 ms late", speeds: MICE, late_ms: Some(200) },
+    Set { name: "gyro, two mice, poses 1 s late", speeds: MICE, late_ms: Some(1000) },
+    Set { name: "imu, two mice, poses 20 ms late", speeds: IMU, late_ms: Some(20) },
+    Set { name: "imu, two mice, poses 1 s late", speeds: IMU, late_ms: Some(1000) },
+    Set { name: "imu, two mice, twist, poses 20 ms late", speeds: TWIST, late_ms: Some(20) },
+    Set { name: "imu, two mice, twist, poses 1 s late", speeds: TWIST, late_ms: Some(1000) },
 ];
 
 /// A filter under way.
@@ -86,12 +62,13 @@ impl Driven {
     fn new(set: Set) -> Driven {
         let kinematics = Kinematics::new(omni(3, 0.3, 0.06, 0.0)).expect("a platform");
         let settings = FilterSettings::new(&kinematics, CovarianceSettings::default(), PERIOD_NS);
-        let at = |kind, x_m, y_m| Sensor { body_from_sensor: Pose2::new(x_m, y_m, 0.3), ..Sensor::of(kind) };
-        let mut sensors: Vec<Sensor> = set.turn.map(|kind| at(kind, 0.0, 0.0)).into_iter().collect();
-        if set.has_mice {
-            sensors.extend([at(SensorKind::Flow, 0.2, 0.1), at(SensorKind::Flow, -0.2, 0.1)]);
-        }
-        sensors.extend(set.late_ms.map(|_| at(SensorKind::Pose, 0.1, -0.05)));
+        let places = [[0.0, 0.0], [0.2, 0.1], [-0.2, 0.1], [0.1, 0.2]];
+        let at = |(kind, [x_m, y_m]): (SensorKind, [f64; 2])| Sensor {
+            body_from_sensor: Pose2::new(x_m, y_m, 0.3),
+            ..Sensor::of(kind)
+        };
+        let mut sensors: Vec<Sensor> = set.speeds.iter().copied().zip(places).map(at).collect();
+        sensors.extend(set.late_ms.map(|_| at((SensorKind::Pose, [0.1, -0.05]))));
         let filter = Filter::new(settings, &sensors);
         let late_ns = 1_000_000 * set.late_ms.unwrap_or(0);
         let mut driven = Driven { filter, sensors, late_ns, begun_ns: 2000 * PERIOD_NS, index: 2000 };
@@ -127,9 +104,12 @@ impl Driven {
                     let map_from_sensor = Pose2 { x_m: there.x_m + noise, ..there };
                     (10, Reading::Pose { map_from_sensor, covariance: [0.0; 6] })
                 }
-                _ => {
-                    let at = [SPEED_M_S - TURN_RAD_S * mount.y_m, TURN_RAD_S * mount.x_m];
-                    (8, Reading::Flow(turned(at)))
+                kind => {
+                    let at = turned([SPEED_M_S - TURN_RAD_S * mount.y_m, TURN_RAD_S * mount.x_m]);
+                    match kind {
+                        SensorKind::Twist => (20, Reading::Twist([at[0], at[1], TURN_RAD_S + noise])),
+                        _ => (8, Reading::Flow(at)),
+                    }
                 }
             };
             if self.index.is_multiple_of(every_ms) {

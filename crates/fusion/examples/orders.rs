@@ -1,20 +1,16 @@
-//! Readings that arrive in any order, up to 0.2 s late: whether what is known in the end is what their own order gives.
+//! Readings that arrive in any order, up to 0.2 s late or another time: whether what is known in the end is what their own order gives.
 //!
-//! `cargo run --release -p omnibase-fusion --example orders [-- <orders>]`: 1000 by default. Each world is heard in a hundred
-//! random orders, a cycle is one epoch of the filter, and every reading has an instant of its own within it.
+//! `cargo run --release -p omnibase-fusion --example orders [-- <orders> [<late by at most s>]]`: 1000 and 0.2 by default, at most
+//! 1.1. Each world is heard in a hundred random orders, a cycle is one epoch of the filter, and every reading has an instant of its own within it.
 
 use omnibase_fusion::{Filter, FilterSettings, Motion, Reading, Sensor, SensorKind};
 use omnibase_platform::layout::omni;
 use omnibase_platform::{BodyStep, CovarianceSettings, Kinematics, Pose2};
 
 const PERIOD_NS: u64 = 5_000_000;
-/// Cycles in which something is measured, those after them in which it arrives, and those in which what came last is computed
-/// in.
+/// Cycles in which something is measured. After them come those in which it arrives, and twice as many in which what came last is
+/// computed in.
 const MEASURED: u64 = 8;
-const ARRIVING: u64 = 40;
-const SETTLING: u64 = 80;
-const CYCLES: u64 = MEASURED + ARRIVING + SETTLING;
-const LATEST_NS: f64 = 0.2e9;
 /// Orders in which a world is heard.
 const ORDERS_A_WORLD: u64 = 100;
 
@@ -35,7 +31,10 @@ impl Chance {
 }
 
 fn main() {
-    let orders: u64 = std::env::args().nth(1).map_or(1000, |text| text.parse().expect("how many orders"));
+    let mut words = std::env::args().skip(1);
+    let orders: u64 = words.next().map_or(1000, |text| text.parse().expect("how many orders"));
+    let latest_s: f64 = words.next().map_or(0.2, |text| text.parse().expect("how late, in s"));
+    let latest_ns = (1e9 * latest_s) as u64;
     let threads = std::thread::available_parallelism().map_or(1, usize::from) as u64;
     let greatest = std::thread::scope(|scope| {
         let share = |thread| {
@@ -43,7 +42,7 @@ fn main() {
             scope.spawn(move || {
                 let heard = |world| {
                     let first = world * ORDERS_A_WORLD;
-                    World::new(world).difference(first..orders.min(first + ORDERS_A_WORLD))
+                    World::new(world, latest_ns).difference(first..orders.min(first + ORDERS_A_WORLD))
                 };
                 worlds.map(heard).fold(0.0, f64::max)
             })
@@ -52,13 +51,14 @@ fn main() {
         workers.into_iter().map(|worker| worker.join().expect("a thread")).fold(0.0, f64::max)
     });
     println!(
-        "{orders} orders: at most {greatest:e} off the state of the filter in order (m, rad, what is wrong with a step, and the \
+        "{orders} orders, up to {latest_s} s late: at most {greatest:e} off the state of the filter in order (m, rad, what is wrong with a step, and the \
          variances of the pose together)"
     );
 }
 
 /// Motion, what was measured of it, and what the filter makes of that in order.
 struct World {
+    latest_ns: u64,
     motions: Vec<Motion>,
     measured: Vec<(usize, u64, Reading)>,
     empty: Filter,
@@ -66,13 +66,13 @@ struct World {
 }
 
 /// The last cycles are short: much of the past is passed in the time of an epoch.
-fn instant_ns(cycle: u64) -> u64 {
-    let settling = cycle.saturating_sub(MEASURED + ARRIVING);
+fn instant_ns(cycle: u64, latest_ns: u64) -> u64 {
+    let settling = cycle.saturating_sub(MEASURED + latest_ns.div_ceil(PERIOD_NS));
     1_000_000_000 + (cycle - settling) * PERIOD_NS + settling * 1_000_000
 }
 
 impl World {
-    fn new(seed: u64) -> World {
+    fn new(seed: u64, latest_ns: u64) -> World {
         let kinematics = Kinematics::new(omni(3, 0.3, 0.06, 0.0)).expect("a platform");
         let settings = FilterSettings::new(&kinematics, CovarianceSettings::default(), PERIOD_NS);
         let sensors = [SensorKind::Turn, SensorKind::Pose, SensorKind::Flow].map(Sensor::of);
@@ -81,12 +81,12 @@ impl World {
         let mut chance = Chance(seed);
         let (mut motions, mut measured) = (Vec::new(), Vec::new());
         let mut truth = Pose2::default();
-        for cycle in 1..=CYCLES {
+        for cycle in 1..=MEASURED + 3 * latest_ns.div_ceil(PERIOD_NS) {
             let moves = if cycle <= MEASURED { 1e-9 * PERIOD_NS as f64 } else { 0.0 };
             let step = BodyStep::new(0.5 * moves, 0.1 * moves, 0.4 * moves);
             truth = truth.moved_by(step);
             let motion = Motion { body_from_next: step.exp(), is_heard: true, ..Motion::default() };
-            in_order.advance(instant_ns(cycle), &motion);
+            in_order.advance(instant_ns(cycle, latest_ns), &motion);
             motions.push(motion);
             if cycle <= MEASURED {
                 let from = measured.len();
@@ -97,7 +97,7 @@ impl World {
             }
         }
         assert!(in_order.is_settled());
-        World { motions, measured, empty, in_order }
+        World { latest_ns, motions, measured, empty, in_order }
     }
 
     /// Between the filter in order and those that hear in the orders of seeds, at most.
@@ -109,14 +109,15 @@ impl World {
         let mut chance = Chance(seed ^ 0x07DE_5000_0000_0000);
         let mut late = self.empty.clone();
         let arrives = |(sensor, instant_ns, reading): &(usize, u64, Reading)| -> Message {
-            (instant_ns + (LATEST_NS * chance.unit()) as u64, *sensor, *instant_ns, *reading)
+            (instant_ns + (self.latest_ns as f64 * chance.unit()) as u64, *sensor, *instant_ns, *reading)
         };
         let mut under_way: Vec<Message> = self.measured.iter().map(arrives).collect();
         for (cycle, motion) in (1..).zip(&self.motions) {
-            late.advance(instant_ns(cycle), motion);
+            let now_ns = instant_ns(cycle, self.latest_ns);
+            late.advance(now_ns, motion);
             let mut index = 0;
             while index < under_way.len() {
-                if under_way[index].0 <= instant_ns(cycle) {
+                if under_way[index].0 <= now_ns {
                     let (_, sensor, instant_ns, reading) = under_way.swap_remove(index);
                     assert!(late.hear(sensor, instant_ns, &reading), "it has its place");
                 } else {
@@ -131,7 +132,7 @@ impl World {
 
 /// What the sensors tell in a cycle: the gyro each millisecond, the others once.
 fn measure(measured: &mut Vec<(usize, u64, Reading)>, cycle: u64, truth: Pose2, chance: &mut Chance) {
-    let end_ns = instant_ns(cycle);
+    let end_ns = 1_000_000_000 + cycle * PERIOD_NS;
     let mut noise = |size: f64| size * (2.0 * chance.unit() - 1.0);
     for before in (0..5).rev() {
         measured.push((0, end_ns - before * 1_000_000, Reading::Turn(0.4 + noise(5e-3))));

@@ -152,12 +152,13 @@ impl Standing {
             || (0..3).any(|n| (expected[n] - self.expected[n]).abs() > bound[n])
     }
 
-    /// A reading of an instant agrees with the others or doesn't; whether it is to be taken in.
-    pub(crate) fn judge(&mut self, instant_ns: u64, agrees: bool, fault: Verdict) -> bool {
+    /// A reading of an instant contradicts the others (1) or doesn't, as a share; whether it is to be taken in.
+    pub(crate) fn judge(&mut self, instant_ns: u64, contradicts: f64, fault: Verdict) -> bool {
+        let agrees = contradicts < 1.0;
         let since_s = self.since_s(instant_ns);
         self.heard_ns = Some(instant_ns);
         let weight = 1.0 - (-since_s / DOUBT_TIME_S).exp();
-        self.doubt += (f64::from(u8::from(!agrees)) - self.doubt) * weight;
+        self.doubt += (contradicts - self.doubt) * weight;
         if agrees {
             self.agrees_s += since_s;
         } else {
@@ -209,7 +210,11 @@ mod tests {
             now_ns += 10_000_000;
             let repeats = standing.repeats([said, 0.0, 0.0], [expected, 0.0, 0.0], [1e-3; 3], 0.0);
             let agrees = !repeats && (said - expected).abs() < 1e-3;
-            standing.judge(now_ns, agrees, if repeats { Verdict::Frozen } else { Verdict::Contradicts });
+            standing.judge(
+                now_ns,
+                f64::from(u8::from(!agrees)),
+                if repeats { Verdict::Frozen } else { Verdict::Contradicts },
+            );
             standing.verdict
         };
         assert_eq!(say(&mut standing, 0.0, 0.0), Verdict::Good);
@@ -249,10 +254,10 @@ mod tests {
         for period_ns in [1_000_000, 10_000_000, 50_000_000] {
             let mut standing = Standing::default();
             let mut now_ns = 0;
-            let mut say = |standing: &mut Standing, agrees, for_ns: u64| {
+            let mut say = |standing: &mut Standing, agrees: bool, for_ns: u64| {
                 for _ in 0..for_ns / period_ns {
                     now_ns += period_ns;
-                    standing.judge(now_ns, agrees, Verdict::Contradicts);
+                    standing.judge(now_ns, f64::from(u8::from(!agrees)), Verdict::Contradicts);
                 }
                 standing.verdict
             };

@@ -168,7 +168,8 @@ impl Check {
         let signals = signals.unwrap_or_default();
         let estimator = registry.estimators.find(file.estimator.kind.as_deref()).map(|(kind, _)| kind.name);
         let sensors = sensors::resolve(self, &file.sensor, estimator.ok(), is_known.then_some(&signals));
-        sensors::simulated(self, &file.simulation.sensor, sensors.as_deref().unwrap_or_default());
+        let named = beside.as_ref().map_or(&[][..], |(devices, _)| devices);
+        sensors::simulated(self, &file.simulation.sensor, sensors.as_deref().unwrap_or_default(), named);
         devices::room(self, &signals);
         let mut safety = self.safety(&file.safety, &signals, is_known);
         let guard = guard::resolve(self, &file, kinematics.as_ref());

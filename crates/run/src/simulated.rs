@@ -77,6 +77,9 @@ pub fn robot(plan: &RobotPlan) -> Result<Simulated, SimulationError> {
             continue;
         }
         let generic = beside::terminal(device, number).map_err(|error| in_words(&error))?;
+        if let Some(mut told) = sensors::Told::new(plan, number, &machine) {
+            generic.panel.feed(Box::new(move |panel, now| told.measure(panel, now)));
+        }
         panels.push(generic.panel);
         beside.push(Some(generic.sub_device));
     }

@@ -79,7 +79,10 @@ impl Stepped {
         warn: &mut dyn FnMut(String),
     ) -> Result<Self, NotBegun> {
         let robot = Robot::build(&plan, registry)?;
-        let (mut segment, machine) = simulated::segment(built)?;
+        // Whatever was built otherwise, its sensors speak as the plan says.
+        let mut built = built.clone();
+        built.simulation.sensor.clone_from(&plan.simulation.sensor);
+        let (mut segment, machine) = simulated::segment(&built)?;
         let script = Script::new(&plan, &mut segment, &machine);
         let (link, clock) = in_process(segment);
         let (clock, pace) = PacedClock::free(clock);

@@ -2,17 +2,26 @@
 //!
 //! `cargo run --release -p omnibase-trials --example nees [-- <robots> [<lines of [estimator]> [<robot and path> [<first seed>]]]]`:
 //! 1000 robots by default, seeds from 1, whose file says what creep their treads have. The table is that of `docs/accuracy.md`.
+//! In place of lines a set of sensors (`gyro`, `gyro and mice`, `gyro, mice and poses`, `imu`) is joined with the wheels; the floor is then
+//! the simulator's, known to be even, and each sensor errs as its file says that it may.
 
 use std::ops::Range;
 
 use omnibase_trials::builds::{
     CREEP_TOLD, Case, Driven, PLACES, PoseError, Summary, Wheels, drive, nees_band,
 };
+use omnibase_trials::sensed::{SETS, sensors};
+
+/// What is known of a floor that is even, as the simulator's is.
+const EVEN_FLOOR: &str = "way_sigma_m = 1e-4\nway_sigma_rad = 1e-4\nturn_sigma_rad = 1e-4\n";
 
 fn main() {
     let mut arguments = std::env::args().skip(1);
     let robots = arguments.next().map_or(1000, |text| text.parse().expect("how many robots"));
     let estimator = arguments.next().unwrap_or_else(|| CREEP_TOLD.to_owned());
+    let set = SETS.iter().position(|set| *set == estimator).filter(|set| *set > 0);
+    let estimator = set
+        .map_or(estimator, |set| format!("{CREEP_TOLD}\nkind = \"fused\"\n{EVEN_FLOOR}\n{}", sensors(set)));
     let asked = arguments.next().unwrap_or_default();
     let first = arguments.next().map_or(1, |text| text.parse().expect("a seed"));
     let [low, high] = nees_band(robots);
@@ -24,8 +33,12 @@ fn main() {
     let is_asked = |case: &Case| format!("{} {}", case.robot, case.path).contains(&asked);
     for case in Case::all().into_iter().filter(is_asked) {
         let driven = all(&case, &estimator, first..first + robots as u64);
-        let exact = [drive(case.plan(&estimator), Wheels::Exact, 1)];
         let even = |driven: &Driven| driven.even;
+        if set.is_some() {
+            print_row(&case, "wheels, sensors", &driven, even);
+            continue;
+        }
+        let exact = [drive(case.plan(&estimator), Wheels::Exact, 1)];
         print_row(&case, "wheels, start, floor", &driven, |driven| driven.drawn);
         print_row(&case, "wheels", &driven, even);
         print_row(&case, "nothing", &exact, even);

@@ -5,7 +5,9 @@
 //! standard deviations in the file's `[estimator]`. Wheels and their slip are the simulator's. Of uneven floors the
 //! simulator knows nothing: they shift and turn the body a little in each cycle, as [`CovarianceSettings`] says.
 
+use omnibase_fusion::{Sensor, SensorKind};
 use omnibase_platform::{CovarianceSettings, GeometrySigmas, Pose2, wrap_angle_rad};
+use omnibase_robot::config::Synchronisation;
 use omnibase_robot::estimators::covariance_settings;
 use omnibase_robot::signals::PlatformState;
 use omnibase_robot::{Phase, RequestKind, RobotPlan};
@@ -108,9 +110,12 @@ impl Case {
 ///
 /// # Panics
 /// Where the robot can't be made or enabled, or doesn't come to the end of its path.
-pub fn drive(plan: RobotPlan, wheels: Wheels, seed: u64) -> Driven {
+pub fn drive(mut plan: RobotPlan, wheels: Wheels, seed: u64) -> Driven {
     let settings = covariance_settings(&plan.estimator);
     let mut random = Random::new(seed ^ 0xB111_D000_0000_0000);
+    if wheels == Wheels::Drawn {
+        draw_sensors(&mut plan, seed);
+    }
     let mut trial = Trial::on_machine(plan, |machine| {
         if wheels == Wheels::Drawn {
             for drive in &mut machine.wheels {
@@ -141,6 +146,30 @@ pub fn drive(plan: RobotPlan, wheels: Wheels, seed: u64) -> Driven {
     }
     floor.look(&trial, &mut driven, PLACES - 1);
     driven
+}
+
+/// Simulated sensors err as their own tables say that they may.
+fn draw_sensors(plan: &mut RobotPlan, seed: u64) {
+    let mut random = Random::new(seed ^ 0x5E45_0125_0000_0000);
+    // The trial's drives read their encoders a whole cycle before.
+    if !plan.sensors.is_empty() {
+        plan.bus.synchronisation = Synchronisation::FreeRun;
+    }
+    for table in &mut plan.simulation.sensor {
+        let known = plan.sensors.iter().find(|sensor| table.name.as_ref() == Some(&sensor.name));
+        let Some(Sensor { kind, bias_sigma, bias_walk, scale_sigma, direction_sigma_rad, .. }) =
+            known.map(|known| known.sensor)
+        else {
+            continue;
+        };
+        table.seed = Some(table.seed.unwrap_or(1).wrapping_add(1000 * seed));
+        table.bias_rad_s = Some(bias_sigma * random.normal());
+        table.bias_walk_rad_s = Some(bias_walk);
+        table.scale_error = Some(scale_sigma * random.normal());
+        // Of those that tell speeds: where poses are taken has to be known.
+        table.heading_error_rad =
+            Some(direction_sigma_rad * random.normal()).filter(|_| kind != SensorKind::Pose);
+    }
 }
 
 /// Another wheel than the file says.

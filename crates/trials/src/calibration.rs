@@ -64,6 +64,26 @@ pub enum Told {
     Tape,
 }
 
+/// How a robot is calibrated.
+#[derive(Clone, Copy, Debug)]
+pub struct Manner {
+    /// By whom.
+    pub told: Told,
+    /// How often all figures are driven.
+    pub rounds: usize,
+    /// The square that they take, m.
+    pub side_m: f64,
+    /// How well a person measures places.
+    pub tape: Tape,
+}
+
+impl From<Told> for Manner {
+    /// Once, on the usual square.
+    fn from(told: Told) -> Self {
+        Manner { told, rounds: 1, side_m: SIDE_M, tape: Tape::default() }
+    }
+}
+
 /// What the file expects, and how well.
 pub fn expected(plan: &RobotPlan) -> (Build, Tolerances) {
     let build = Build {
@@ -88,7 +108,7 @@ pub fn expected(plan: &RobotPlan) -> (Build, Tolerances) {
 /// How fast calibration figures are driven.
 pub const PACE: Pace =
     Pace { speed_m_s: 0.4, acceleration_m_s2: 0.4, turn_speed_rad_s: 0.8, turn_acceleration_rad_s2: 0.8 };
-/// The square that they take, m.
+/// The square that they usually take, m.
 pub const SIDE_M: f64 = 2.0;
 
 /// A robot that was calibrated.
@@ -135,13 +155,13 @@ impl Calibrated {
 ///
 /// # Panics
 /// Where a drive doesn't come to its end, or nothing is found.
-pub fn calibrate(plan: &RobotPlan, told: Told, seed: u64) -> Calibrated {
+pub fn calibrate(plan: &RobotPlan, manner: &Manner, seed: u64) -> Calibrated {
     let mut drawn = Drawn::new(plan, seed);
     let (build, tolerances) = expected(plan);
-    let dataset = measured(plan, &mut drawn, told);
+    let dataset = measured(plan, &mut drawn, manner);
     let solution =
         solve(&dataset, &build, &tolerances).unwrap_or_else(|error| panic!("seed {seed}: {error}"));
-    let true_from_found = match told {
+    let true_from_found = match manner.told {
         Told::Poses => drawn.sensor.base_from_sensor.then(solution.build.sensor.base_from_sensor.inverse()),
         Told::GyroAndTape | Told::Tape => Pose2::default(),
     };
@@ -166,16 +186,17 @@ pub fn calibrated_plan(plan: &RobotPlan, build: &Build) -> RobotPlan {
 }
 
 /// Drives the figures, and what is told of them.
-fn measured(plan: &RobotPlan, drawn: &mut Drawn, told: Told) -> Dataset {
-    let all = match told {
-        Told::Poses => figures::all(SIDE_M, PACE, plan.kinematics.wheels())
+fn measured(plan: &RobotPlan, drawn: &mut Drawn, manner: &Manner) -> Dataset {
+    let &Manner { told, rounds, side_m, tape } = manner;
+    let once: Vec<Figure> = match told {
+        Told::Poses => figures::all(side_m, PACE, plan.kinematics.wheels())
             .into_iter()
             .filter(|figure| figure.name == "full")
             .collect(),
-        Told::GyroAndTape | Told::Tape => figures::between_tapes(SIDE_M, PACE, plan.kinematics.wheels()),
+        Told::GyroAndTape | Told::Tape => figures::between_tapes(side_m, PACE, plan.kinematics.wheels()),
     };
-    let runs = all.iter().map(|figure| {
-        let drive = drive_figure(plan, drawn, figure);
+    let runs = vec![once; rounds].concat().into_iter().map(|figure| {
+        let drive = drive_figure(plan, drawn, &figure);
         let mut run = drive.run;
         let random = &mut drawn.random;
         match told {
@@ -184,7 +205,6 @@ fn measured(plan: &RobotPlan, drawn: &mut Drawn, told: Told) -> Dataset {
                 run.poses = sensor.poses(&drive.truth, random);
             }
             Told::GyroAndTape | Told::Tape => {
-                let tape = Tape::default();
                 let ends = [drive.truth.first(), drive.truth.last()];
                 let place = |(instant_s, pose): &(f64, Pose2)| tape.place(*instant_s, *pose, random);
                 run.places = ends.into_iter().flatten().map(place).collect();

@@ -72,6 +72,17 @@ const POSES: &str = "[[source]]\nname = \"tracker\"\ncarries = \"pose\"\nmax_age
                      delay_ms = 20\n\n\
                      [[simulation.sensor]]\nname = \"mocap\"\njitter_ms = 3.0\ndrop_share = 0.01\noutlier_share = 0.001\nseed = 9\n";
 
+/// The tables of a set's sensors, of the robot and of its simulation.
+pub fn sensors(set: usize) -> String {
+    let all = [
+        String::new(),
+        GYRO.to_owned(),
+        mouse("left", [0.0, 0.25], 2) + &mouse("right", [0.0, -0.25], 3),
+        POSES.to_owned(),
+    ];
+    if set == IMU_SET { IMU.to_owned() } else { all[..=set].concat() }
+}
+
 impl Case {
     /// All of them, in the order of the table.
     pub fn all() -> impl Iterator<Item = Case> {
@@ -111,13 +122,7 @@ impl Case {
                 .to_owned(),
             _ => robots::eight(robots::BMM, 30.0, 60.0),
         };
-        let sensors = [
-            String::new(),
-            GYRO.to_owned(),
-            mouse("left", [0.0, 0.25], 2) + &mouse("right", [0.0, -0.25], 3),
-            POSES.to_owned(),
-        ];
-        let sensors = if self.set == IMU_SET { IMU.to_owned() } else { sensors[..=self.set].concat() };
+        let sensors = sensors(self.set);
         format!(
             "{}{floor}{reference}\n[estimator]\nkind = \"fused\"\n{}\n\n{sensors}",
             robots::BMM,

@@ -12,7 +12,7 @@ const SQUARE_M: f64 = 2e-3;
 fn builds_seen_by_motion_capture_are_found_and_drive_the_square_truly() {
     // They are far off before: 33, 42 and 26 mm. The four wheels contradict each other, which their treads share out by creeping.
     for (robot, seed) in [(robots::BMM, 3), (robots::BMM, 6), (robots::MECANUM, 3)] {
-        let calibrated = calibrate(&plan_of(robot), Told::Poses, seed);
+        let calibrated = calibrate(&plan_of(robot), &Told::Poses.into(), seed);
         let [before, after] = calibrated.square_m;
         assert!(before > 0.02 && after < 0.5 * SQUARE_M, "seed {seed}: {before} {after}");
         for (found, bound) in calibrated.greatest().into_iter().zip(BOUNDS) {
@@ -30,7 +30,7 @@ fn builds_seen_by_motion_capture_are_found_and_drive_the_square_truly() {
 
 #[test]
 fn a_gyro_and_a_tape_find_less_and_say_so() {
-    let calibrated = calibrate(&plan_of(robots::BMM), Told::GyroAndTape, 3);
+    let calibrated = calibrate(&plan_of(robots::BMM), &Told::GyroAndTape.into(), 3);
     let [before, after] = calibrated.square_m;
     assert!(after < 0.2 * before && after < 4e-3, "{before} {after}");
     for (wheel, error) in calibrated.errors.iter().enumerate() {

@@ -385,6 +385,7 @@ impl Device for Terminals {
     }
 
     fn run(&mut self, dictionary: &mut Dictionary, moment: Moment) {
+        self.panel.measure(moment.now);
         for (position, (offset, bytes)) in self.inputs.iter().enumerate() {
             let value = self.panel.input_at(position);
             dictionary.arena_mut()[*offset..*offset + *bytes].copy_from_slice(&value[..*bytes]);

@@ -1,9 +1,14 @@
 //! The terminals of a simple I/O device: inputs to set, outputs to look at, while the segment runs.
 
 use crate::dictionary::little_endian;
+use omnibase_ethercat_wire::HostTime;
 use omnibase_ethercat_wire::coe::ObjectAddress;
-use std::sync::Arc;
+use std::fmt;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
+
+/// What measures, whenever the device reads its terminals, and sets its inputs. It doesn't allocate.
+pub type Feed = Box<dyn FnMut(&IoPanel, HostTime) + Send>;
 
 /// Values of process data as a person at the device sees them. Clones show the same device.
 ///
@@ -12,6 +17,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub struct IoPanel {
     inputs: Arc<[(ObjectAddress, Words)]>,
     outputs: Arc<[(ObjectAddress, AtomicU64)]>,
+    feed: Arc<Mutex<Fed>>,
+}
+
+/// What is at its inputs, where that isn't a person.
+#[derive(Default)]
+struct Fed(Option<Feed>);
+
+impl fmt::Debug for Fed {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.debug_tuple("Fed").field(&self.0.is_some()).finish()
+    }
 }
 
 /// The most bytes of an entry of a PDO, which has 255 bits at most.
@@ -24,6 +40,7 @@ impl IoPanel {
         IoPanel {
             inputs: inputs.iter().map(|at| (*at, Words::default())).collect(),
             outputs: outputs.iter().map(|at| (*at, AtomicU64::new(0))).collect(),
+            feed: Arc::default(),
         }
     }
 
@@ -56,6 +73,18 @@ impl IoPanel {
     /// An output as the device gives it now; `None` where the device has none at this address.
     pub fn output(&self, object: ObjectAddress) -> Option<u64> {
         find(&self.outputs, object).map(|output| output.load(Ordering::Relaxed))
+    }
+
+    /// From now on something measures at its inputs.
+    pub fn feed(&self, feed: Feed) {
+        self.feed.lock().unwrap_or_else(PoisonError::into_inner).0 = Some(feed);
+    }
+
+    /// The device reads its terminals.
+    pub(super) fn measure(&self, now: HostTime) {
+        if let Some(feed) = &mut self.feed.lock().unwrap_or_else(PoisonError::into_inner).0 {
+            feed(self, now);
+        }
     }
 
     pub(super) fn input_at(&self, position: usize) -> [u8; MOST_BYTES] {

@@ -2,13 +2,17 @@
 //!
 //! Where all is as believed, what readings are off is white: its mean over some tenths of a second is small. A sensor whose clock
 //! is off while the motion changes slowly leans, and so does one beside wheels that creep: who of both is wrong nobody knows.
-//! What is told stays as it is; the covariance counts with what the mean is off.
+//! What is told stays as it is; the covariance counts with what the mean is off. Where a sensor of poses leans as well, it tells who
+//! is wrong: a gyro that turns too much is drawn back by poses, while one beside wheels that turn too little is drawn on.
 
 /// The mean of speeds is one of so long, and that of poses, s: these are as wrong as what was added up.
 pub(super) const OF_SPEEDS_S: f64 = 0.5;
 pub(super) const OF_POSES_S: f64 = 1.5;
 /// Beyond so many standard deviations of the mean it leans: one in a thousand does by chance.
 const LEANS_SIGMAS: f64 = 3.3;
+
+/// Poses lean by so many where a gyro is named that is off the wheels by so many of what chance makes of the mean.
+pub(super) const DRAWN_SIGMAS: [f64; 2] = [4.0, 2.0];
 
 /// What a sensor was off lately, in its own axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -19,6 +23,8 @@ pub struct Lean {
     off: [f64; 3],
     /// Variance of the mean, where a reading's is 1.
     of_mean: f64,
+    /// It was named for it.
+    pub(super) is_named: bool,
 }
 
 /// The share of what lasted a time in a mean of such a length, both in s.
@@ -35,6 +41,16 @@ impl Lean {
             self.sigmas[n] += share * (off[n] / expected[n].sqrt() - self.sigmas[n]);
             self.off[n] += share * (off_others[n] - self.off[n]);
         }
+    }
+
+    /// By how many standard deviations of the mean it is off along an axis.
+    pub(super) fn along(&self, axis: usize) -> f64 {
+        if self.of_mean > 0.0 { self.sigmas[axis] / self.of_mean.sqrt() } else { 0.0 }
+    }
+
+    /// What it was off from what the others say without it, along an axis.
+    pub(super) fn off(&self, axis: usize) -> f64 {
+        self.off[axis]
     }
 
     /// By how much it leans, along each of its axes; `None` where it doesn't.

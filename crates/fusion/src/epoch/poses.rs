@@ -50,7 +50,7 @@ impl Epoch {
         let (innovation, off) = compare(&known.belief);
         let Some(mut innovation) = innovation else {
             // Its covariance is none.
-            known.standings[heard.sensor].judge(heard.instant_ns, false, Verdict::Contradicts);
+            known.standings[heard.sensor].judge(heard.instant_ns, 1.0, Verdict::Contradicts);
             return;
         };
         let driven_m = known.driven_m();
@@ -92,7 +92,7 @@ impl Epoch {
         let since_s = known.standings[heard.sensor].since_s(heard.instant_ns);
         let standing = &mut known.standings[heard.sensor];
         let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };
-        if standing.judge(heard.instant_ns, agrees, fault) {
+        if standing.judge(heard.instant_ns, f64::from(u8::from(!agrees)), fault) {
             let lean = &mut known.leans[heard.sensor];
             lean.take(
                 share_of(since_s, OF_POSES_S),

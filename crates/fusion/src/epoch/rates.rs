@@ -4,9 +4,9 @@ use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, Twist2};
 
 use super::clocks::sees;
-use super::lean::{OF_SPEEDS_S, share_of};
+use super::lean::{DRAWN_SIGMAS, OF_SPEEDS_S, share_of};
 use super::{Epoch, GATES, Knowledge, REPEATS_SIGMAS, SHARED_S, Sum, rates};
-use crate::belief::{GEOMETRY, Innovation, OWN, Row, SLIP};
+use crate::belief::{GEOMETRY, Innovation, OWN, Row, SLIP, SLIP_TIME_S, slip_kept};
 use crate::sensor::{MAX_RATES, Sensor, SensorKind};
 use crate::standing::Verdict;
 
@@ -82,6 +82,38 @@ impl Rates<'_> {
             }
         }
         self.judge_clocks(known);
+        for (rate, place, _) in self.heard() {
+            if self.sensors[place].kind.is_gyro() {
+                self.judge_drawn(rate, place, known);
+            }
+        }
+    }
+
+    /// Names a gyro that turns another way than the wheels while poses lean against it: it draws the heading away from them. Were it
+    /// the wheels that are wrong, poses would lean as it does. It stays named for as long as it goes on.
+    fn judge_drawn(&self, rate: usize, place: usize, known: &mut Knowledge) {
+        let lean = known.leans[place];
+        let off = lean.off(0);
+        // A mean of slip, which comes and goes, and what isn't known of the bias.
+        let keep = slip_kept(self.epoch.time_s);
+        let slip = self.slip_drive[2] / (1.0 - keep * keep) * SLIP_TIME_S / (SLIP_TIME_S + OF_SPEEDS_S);
+        let by_chance = (slip + known.belief.variance(OWN + 2 * rate)).sqrt();
+        let leans_against = |(sensor, other): (&Sensor, usize)| {
+            sensor.kind == SensorKind::Pose
+                && known.standings[other].agrees_now(self.epoch.end_ns)
+                && known.leans[other].along(2) * off.signum() < -DRAWN_SIGMAS[0]
+        };
+        let is_named = if lean.is_named {
+            off.abs() > 0.5 * DRAWN_SIGMAS[1] * by_chance
+        } else {
+            off.abs() > DRAWN_SIGMAS[1] * by_chance
+                && known.standings[place].is_believed()
+                && self.sensors.iter().zip(0..).any(leans_against)
+        };
+        known.leans[place].is_named = is_named;
+        if is_named {
+            known.standings[place].name(self.epoch.end_ns, Verdict::Contradicts);
+        }
     }
 
     /// One bias in a thousand is further off than the gate of a reading lets pass, and would be gated for ever: where nothing was
@@ -155,7 +187,7 @@ impl Rates<'_> {
         let sensor = &self.sensors[place];
         let (innovation, expected) = self.compare::<M>(one, known);
         let Some(innovation) = innovation else {
-            known.standings[place].judge(self.epoch.end_ns, false, Verdict::Contradicts);
+            known.standings[place].judge(self.epoch.end_ns, 1.0, Verdict::Contradicts);
             return;
         };
         let driven_m = known.driven_m();
@@ -165,9 +197,20 @@ impl Rates<'_> {
         standing.nis = innovation.nis / M as f64;
         let since_s = standing.since_s(self.epoch.end_ns);
         let agrees = innovation.nis <= GATES[M - 1] && !repeats;
+        // Good ones are in the upper half of the gate once in fifty times: who is there again and again is off. A gyro isn't, where
+        // wheels slip.
+        let beyond = 2.0 * innovation.nis / GATES[M - 1] - 1.0;
+        let contradicts = match agrees {
+            true if sensor.kind.is_gyro() => 0.0,
+            true => beyond.clamp(0.0, 0.999),
+            false => 1.0,
+        };
         let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };
-        if standing.judge(self.epoch.end_ns, agrees, fault) {
+        let is_taken = standing.judge(self.epoch.end_ns, contradicts, fault);
+        if is_taken || known.leans[place].is_named {
             self.lean(place, since_s, &innovation, known);
+        }
+        if is_taken {
             known.belief.correct(&innovation);
         } else if !agrees && known.standings[place].is_doubtful() {
             // Until others tell, it may be the wheels that are wrong.

@@ -108,6 +108,11 @@ fn broken(fault: Fault, reading: Reading, said: Reading) -> Reading {
 
 /// A world of 8 s; the first sensor fails after 5 s, or none.
 pub fn drive(sensors: &[Sensor], fault: Option<Fault>, seed: u64) -> Outcome {
+    drive_for(8.0, sensors, fault, seed)
+}
+
+/// The same in a world of so many seconds.
+pub fn drive_for(time_s: f64, sensors: &[Sensor], fault: Option<Fault>, seed: u64) -> Outcome {
     let mut world = World::new(seed, sensors);
     let mut filter = Filter::new(settings(), sensors);
     let begin_ns = world.now_ns + 5_000_000_000;
@@ -115,7 +120,7 @@ pub fn drive(sensors: &[Sensor], fault: Option<Fault>, seed: u64) -> Outcome {
     let mut heard: Vec<std::collections::VecDeque<Reading>> = vec![Default::default(); sensors.len()];
     let mut outcome = Outcome { named: None, sigmas: 0.0, outside: 0.0, nees: 0.0, other: None };
     let mut looks = 0.0;
-    for cycle in 0..8000_u64 {
+    for cycle in 0..(1000.0 * time_s) as u64 {
         let motion = world.step();
         filter.advance(world.now_ns, &motion);
         let fails = fault.filter(|_| world.now_ns >= begin_ns);

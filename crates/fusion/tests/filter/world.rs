@@ -134,6 +134,11 @@ impl World {
     pub fn step(&mut self) -> Motion {
         self.now_ns += PERIOD_NS;
         self.cycle += 1;
+        for (sensor, own) in self.sensors.iter().zip(&mut self.own) {
+            if sensor.kind.is_gyro() {
+                own[0] += sensor.bias_walk * PERIOD_S.sqrt() * self.chance.normal();
+            }
+        }
         let t = self.cycle as f64 * PERIOD_S;
         let ramp = (t / 2.0).min(1.0);
         self.twist_before = self.twist;

@@ -5,7 +5,8 @@ use omnibase_platform::Pose2;
 
 use super::Check;
 use crate::config::{
-    InputOwner, ProblemKind, SensorName, SensorPlan, SensorTable, SimulatedSensorTable, SourcePlan, nearest,
+    Coding, DevicePlan, InputOwner, ProblemKind, SensorName, SensorPlan, SensorTable, SimulatedSensorTable,
+    SourcePlan, nearest,
 };
 use crate::signals::SignalLayout;
 
@@ -78,8 +79,13 @@ pub(super) fn take_in_any_order(sources: &mut [SourcePlan], sensors: &[SensorPla
     }
 }
 
-/// Sensors of the simulation are sensors of the robot, whose readings come from a program.
-pub(super) fn simulated(check: &mut Check, tables: &[SimulatedSensorTable], sensors: &[SensorPlan]) {
+/// Sensors of the simulation are sensors of the robot: what they say comes as if from a program, or from the simulated SubDevice.
+pub(super) fn simulated(
+    check: &mut Check,
+    tables: &[SimulatedSensorTable],
+    sensors: &[SensorPlan],
+    devices: &[DevicePlan],
+) {
     let mut seen: Vec<&str> = Vec::new();
     for (n, table) in tables.iter().enumerate() {
         let setting = format!("simulation.sensor[{n}].name");
@@ -90,10 +96,18 @@ pub(super) fn simulated(check: &mut Check, tables: &[SimulatedSensorTable], sens
         let found = sensors.iter().find(|sensor| sensor.name == name);
         let (kind, reason) = match found {
             None => (ProblemKind::UnknownName, "no `[[sensor]]` has this name"),
-            Some(SensorPlan { from: InputOwner::Device(_), .. }) => (
-                ProblemKind::Contradiction,
-                "a SubDevice tells it: only what a `[[source]]` tells is simulated",
-            ),
+            Some(SensorPlan { from: InputOwner::Device(device), inputs, .. })
+                if !is_coded(devices, *device, inputs) =>
+            {
+                let reason = "the SubDevice's kind reads it in a way of its own, which the simulated robot doesn't know";
+                (ProblemKind::Contradiction, reason)
+            }
+            Some(SensorPlan { from: InputOwner::Device(_), .. }) if table.clock_drift_ppm.is_some() => {
+                let setting = format!("simulation.sensor[{n}].clock_drift_ppm");
+                let reason = "what a SubDevice says has the instants of the bus, whose clock is the robot's";
+                check.report(ProblemKind::Contradiction, &setting, reason).limit = Some("no such key".into());
+                continue;
+            }
             Some(_) if seen.contains(&name) => (ProblemKind::Duplicate, "it is simulated already"),
             Some(_) => {
                 seen.push(name);
@@ -105,6 +119,16 @@ pub(super) fn simulated(check: &mut Check, tables: &[SimulatedSensorTable], sens
         problem.limit =
             Some(sensors.iter().map(|sensor| sensor.name.as_str()).collect::<Vec<_>>().join(", "));
     }
+}
+
+/// Whether it is known how all inputs of a sensor stand in the process data of its SubDevice.
+fn is_coded(devices: &[DevicePlan], owner: usize, inputs: &[usize]) -> bool {
+    let all: Vec<Option<Coding>> = devices
+        .iter()
+        .take(owner + 1)
+        .flat_map(|device| device.input.iter().map(|input| input.coding))
+        .collect();
+    inputs.iter().all(|input| all.get(*input).is_none_or(Option::is_some))
 }
 
 /// Keys of other kinds would change nothing.

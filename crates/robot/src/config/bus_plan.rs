@@ -24,6 +24,11 @@ pub struct BusPlan {
 }
 
 impl BusPlan {
+    /// Where in the cycle frames pass, ns: half a cycle before the drives' SYNC0.
+    pub(super) fn frame_ns(&self) -> i64 {
+        i64::from(self.sync0_shift_ns) - self.cycle_ns as i64 / 2
+    }
+
     /// By what a drive is synchronised; `None` where its clock has events that leave a choice to it.
     pub(super) fn sync_mode(&self, dc: Option<&DcPlan>) -> Option<bus_config::SyncMode> {
         match self.synchronisation {

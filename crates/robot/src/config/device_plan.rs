@@ -174,6 +174,12 @@ impl DevicePlan {
         bytes(&self.outputs)
     }
 
+    /// How old its inputs are when the frame passes that fetches them, ns: since its last beat. Without a clock nobody knows: half a cycle.
+    pub fn input_age_ns(&self, bus: &BusPlan) -> u64 {
+        let Some(dc) = &self.dc else { return bus.cycle_ns / 2 };
+        dc.last_beat_ns(bus.cycle_ns * u64::from(self.every.cycles()), bus.frame_ns())
+    }
+
     /// Exchanges in a row that it may miss where `tolerated` of its own may be missed.
     pub fn most_missed(&self, tolerated: u32) -> u32 {
         tolerated.saturating_add(1).saturating_mul(self.every.cycles().into()) - 1

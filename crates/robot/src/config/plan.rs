@@ -92,7 +92,10 @@ impl RobotPlan {
     pub fn input_age_ns(&self) -> u64 {
         let clocks = self.drives.iter().filter_map(|drive| drive.dc);
         // Without a clock at the arrival of the frame before.
-        clocks.map(|dc| dc.last_beat_ns(self.bus.cycle_ns)).max().unwrap_or(self.bus.cycle_ns)
+        clocks
+            .map(|dc| dc.last_beat_ns(self.bus.cycle_ns, self.bus.frame_ns()))
+            .max()
+            .unwrap_or(self.bus.cycle_ns)
     }
 
     /// What a cycle's record of this robot holds.

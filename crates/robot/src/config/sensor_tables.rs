@@ -118,9 +118,10 @@ pub enum InputOwner {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct SimulatedSensorTable {
-    /// The sensor's name. What it says comes in from its `[[source]]`.
+    /// The sensor's name. What it says comes in from its `[[source]]`, or stands in the process data of its simulated SubDevice.
     pub name: Option<String>,
-    /// Readings a second; default: 1000 for a gyro or imu, 125 for flow, 30 for twist, 100 for a pose.
+    /// Readings a second; default: 1000 for a gyro or imu, 125 for flow, 30 for twist, 100 for a pose, and whenever a SubDevice
+    /// looks at its terminals for what one tells.
     #[schemars(range(min = 0.1, max = 10_000.0))]
     pub rate_hz: Option<f64>,
     /// Noise in place of the sensor's own, m, m/s, m/s² or their like: x and y.

@@ -37,16 +37,17 @@ impl DcPlan {
         self.assign_activate & DcConfig::SYNC1 != 0
     }
 
-    /// How long before a frame its application beat last, ns: by SYNC1 where this is on, else by SYNC0. Frames pass half a
-    /// cycle away from the first SYNC0; a beat at that very instant is too late for them.
-    pub(crate) fn last_beat_ns(&self, cycle_ns: u64) -> u64 {
+    /// How long before a frame its application beat last, ns: by SYNC1 where this is on, else by SYNC0. `cycle_ns` is its own cycle,
+    /// `frame_ns` where in it frames pass; a beat at that very instant is too late for them.
+    pub(crate) fn last_beat_ns(&self, cycle_ns: u64, frame_ns: i64) -> u64 {
         let sync0_ns = cycle_ns / u64::from(self.sync0_per_cycle.max(1));
         let (interval_ns, behind_ns) = match self.has_sync1() {
-            true => (sync0_ns * u64::from(self.sync1_every.max(1)), u64::from(self.sync1_shift_ns)),
+            true => (sync0_ns * u64::from(self.sync1_every.max(1)), i64::from(self.sync1_shift_ns)),
             false => (sync0_ns, 0),
         };
-        let since_ns = (cycle_ns / 2 + interval_ns.saturating_sub(behind_ns)) % interval_ns.max(1);
-        if since_ns == 0 { interval_ns } else { since_ns }
+        let interval_ns = interval_ns.max(1) as i64;
+        let since_ns = (frame_ns - i64::from(self.sync0_shift_ns) - behind_ns).rem_euclid(interval_ns);
+        (if since_ns == 0 { interval_ns } else { since_ns }) as u64
     }
 
     /// What the bus is asked for, where the SubDevice's cycle has this length.

@@ -28,6 +28,8 @@ pub struct Fused {
     filter: Filter,
     sensors: Vec<SensorPlan>,
     input_age_ns: u64,
+    /// How old what each SubDevice without a wheel says is when it comes, ns.
+    device_ages_ns: Vec<u64>,
     /// What a flow sensor told last: its instant, ns, and its way, m.
     flows: Vec<Option<(u64, [f64; 2])>>,
     task_frame: TaskFrame,
@@ -59,6 +61,7 @@ impl Fused {
             flows: vec![None; plan.sensors.len()],
             sensors: plan.sensors.clone(),
             input_age_ns: plan.input_age_ns(),
+            device_ages_ns: plan.devices.iter().map(|device| device.input_age_ns(&plan.bus)).collect(),
             task_frame: plan.estimator.task_frame.unwrap_or_default(),
             unknown_sigma: [
                 plan.estimator.unknown_sigma_m.unwrap_or(sigma_m),
@@ -90,7 +93,7 @@ impl Fused {
             let instant_ns = match sensor.from {
                 InputOwner::Device(device) => {
                     let is_fresh = observation.inputs.device_age_s(device) == Some(0.0);
-                    is_fresh.then(|| observation.time.now_ns.saturating_sub(self.input_age_ns))
+                    is_fresh.then(|| observation.time.now_ns.saturating_sub(self.device_ages_ns[device]))
                 }
                 InputOwner::Source(source) => observation.inputs.heard_ns(source),
             };

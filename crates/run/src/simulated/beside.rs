@@ -5,7 +5,7 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::sii::ImageTooShort;
 use omnibase_ethercat_sim::device::Piece;
 use omnibase_ethercat_sim::device::generic::Generic;
-use omnibase_ethercat_sim::device::panel::MOST_BYTES;
+use omnibase_ethercat_sim::device::panel::{IoPanel, MOST_BYTES};
 use omnibase_ethercat_sim::device::simple::{self, Terminal};
 use omnibase_ethercat_sim::dictionary::standard::PdoMap;
 use omnibase_robot::config::{BusPlace, DevicePlan, ParameterPlan, PdoPlan};
@@ -26,22 +26,32 @@ pub(super) fn terminal(device: &DevicePlan, number: usize) -> Result<Generic, Im
         parameters: device.parameters.iter().flat_map(entries).collect(),
     };
     let generic = simple::terminal(&terminal, &piece(device, number))?;
+    show(&device.inputs, &simulated_bytes(device), &generic.panel);
+    Ok(generic)
+}
+
+/// Its process data with the values that the file says of the simulated robot.
+pub(super) fn simulated_bytes(device: &DevicePlan) -> Vec<u8> {
     let mut bytes = vec![0; device.input_bytes()];
     for input in &device.input {
         if let (Some(coding), Some(value)) = (input.coding, input.simulated) {
             coding.write(value, &mut bytes);
         }
     }
+    bytes
+}
+
+/// Puts process data at a device's terminals.
+pub(super) fn show(pdos: &[PdoPlan], bytes: &[u8], panel: &IoPanel) {
     let mut at = 0_usize;
-    for entry in device.inputs.iter().flat_map(|pdo| &pdo.entries) {
+    for entry in pdos.iter().flat_map(|pdo| &pdo.entries) {
         let mut value = [0; MOST_BYTES];
         for n in 0..usize::from(entry.bits) {
             value[n / 8] |= (bytes[(at + n) / 8] >> ((at + n) % 8) & 1) << (n % 8);
         }
         at += usize::from(entry.bits);
-        generic.panel.set_input_bytes(ObjectAddress::new(entry.index, entry.subindex), &value);
+        panel.set_input_bytes(ObjectAddress::new(entry.index, entry.subindex), &value);
     }
-    Ok(generic)
 }
 
 /// The entries that a parameter writes, each with its bytes.

@@ -13,6 +13,7 @@ mod pose;
 mod rates;
 mod recovery;
 mod resume;
+mod sensors;
 mod storm;
 mod terminals;
 mod topology;

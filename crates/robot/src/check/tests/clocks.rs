@@ -27,12 +27,14 @@ fn modes_of_a_makers_file_are_what_the_bus_is_asked() {
     let dc = DcConfig::Sync0And1 { cycle_ns: 250_000, shift_ns: 500_000, sync1_cycle_ns: 770_000 };
     assert_eq!((drive.dc, drive.assign_activate, drive.sync_mode), (dc, Some(0x0730), None));
     // SYNC1 comes 20 us behind the first SYNC0, half a cycle from the frames; the others read their encoders before it.
-    let beats = |dc: &DcPlan| dc.last_beat_ns(1_000_000);
+    let beats = |dc: &DcPlan| dc.last_beat_ns(1_000_000, 0);
     assert_eq!(plan.drives[0].dc.as_ref().map(beats), Some(480_000));
     assert_eq!(plan.input_age_ns(), 500_000);
     let four = DcPlan { sync0_per_cycle: 4, ..DcPlan::sync0(500_000) };
     assert_eq!(beats(&four), 250_000, "the one at the frames is too late for them");
     assert_eq!(beats(&DcPlan { sync0_per_cycle: 5, ..four }), 100_000);
+    // A device's own SYNC0 at 300 us, and frames at 200.
+    assert_eq!(DcPlan::sync0(300_000).last_beat_ns(10_000_000, 200_000), 9_900_000);
     let ms = |ms| Some(Duration::from_millis(ms));
     let waits = Timeouts { init: None, pre_op: ms(4000), safe_op_op: ms(15_000), mailbox: ms(250) };
     assert_eq!(drive.timeouts, waits);

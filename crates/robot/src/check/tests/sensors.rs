@@ -58,3 +58,25 @@ fn no_more_than_the_filter_holds_are_taken() {
     let told = show(&problems(&text));
     assert!(told.contains("too many sensors that tell speeds") && told.contains("at most 4"), "{told}");
 }
+
+#[test]
+fn a_sensor_on_the_bus_is_simulated_where_it_is_known_how_its_values_stand_there() {
+    let imu = "\n[[device]]\nname = \"bus_imu\"\nposition = 3\nkind = \"io\"\n\
+               inputs = [{ pdo = \"0x1A00\", map = \"6000.1:16\" }]\n\
+               input = [{ name = \"turn\", object = \"6000.1\", type = \"i16\", scale = 1e-4, unit = \"rad/s\" }]\n";
+    let gyro = |from: &str, more: &str| {
+        format!(
+            "\n[[sensor]]\nname = \"own\"\nkind = \"gyro\"\nfrom = \"{from}\"\n\n[[simulation.sensor]]\nname = \"own\"\n{more}"
+        )
+    };
+    let of = |file: &str, more: &str| check(&format!("{file}{more}"));
+    let fits = of(TRACKED, &(imu.to_owned() + &gyro("bus_imu.turn", "bias_rad_s = 0.01\n")));
+    let plan = fits.unwrap_or_else(|problems| panic!("{}", show(&problems)));
+    assert_eq!(plan.sensors[2].from, InputOwner::Device(0));
+    let told = |file: &str, more: &str| show(&of(file, more).expect_err("it isn't as it should be"));
+    let drift = told(TRACKED, &(imu.to_owned() + &gyro("bus_imu.turn", "clock_drift_ppm = 20.0\n")));
+    assert!(drift.contains("simulation.sensor[2].clock_drift_ppm") && drift.contains("clock"), "{drift}");
+    let lift = include_str!("../../../../../robots/bmm_lift.toml");
+    let axis = told(lift, &format!("\n[estimator]\nkind = \"fused\"\n{}", gyro("lift.speed", "")));
+    assert!(axis.contains("in a way of its own"), "{axis}");
+}
