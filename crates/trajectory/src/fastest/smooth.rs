@@ -10,6 +10,8 @@ pub(super) struct Progress {
 
 /// A speed below this part of the greatest is rest.
 const REST: f64 = 1e-9;
+/// Cubics between two knots that a progress goes through.
+pub(super) const PARTS: usize = 3;
 /// Steps of finding when it is at a place of a piece: the pieces are short, and all but even.
 const NEWTON: usize = 4;
 /// Joints that only rounding parts are one, over their time: what lies between them would have a jerk of rounding alone.
@@ -61,6 +63,79 @@ impl Progress {
         if let Some(last) = self.values.last_mut() {
             *last = [length, 0.0, 0.0, 0.0];
         }
+    }
+
+    /// When it rests, with its beginning and its end, s.
+    pub(super) fn rests_s(&self) -> Vec<f64> {
+        let greatest = self.values.iter().fold(0.0_f64, |most, values| most.max(values[1]));
+        let mut rests_s: Vec<f64> = Vec::new();
+        let mut last = f64::NEG_INFINITY;
+        for (time_s, values) in self.times_s.iter().zip(&self.values) {
+            // Where it waits one time is enough.
+            if values[1] <= REST * greatest && values[0] > last {
+                rests_s.push(*time_s);
+                last = values[0] * (1.0 + REST);
+            }
+        }
+        rests_s
+    }
+
+    /// A part of it between two rests by a spline over so many even steps: exact where its third derivative is constant over four.
+    pub(super) fn spline(&self, [from_s, to_s]: [f64; 2], steps: usize) -> Progress {
+        let step_s = (to_s - from_s) / steps as f64;
+        let weight = |at: isize| {
+            // At rest it stays for a step.
+            let at = if at <= 1 {
+                0
+            } else if at >= steps as isize - 1 {
+                steps as isize
+            } else {
+                at
+            };
+            let [sigma, _, second, _] = self.at(from_s + step_s * at as f64);
+            let is_end = at == 0 || at == steps as isize;
+            if is_end { sigma } else { sigma - step_s * step_s * second / 6.0 }
+        };
+        let times_s = (0..=steps).map(|at| step_s * at as f64).collect();
+        let piece = |at: usize| {
+            let [a, b, c, d] = [-1, 0, 1, 2].map(|off| weight(at as isize + off));
+            [
+                (a + 4.0 * b + c) / 6.0,
+                (c - a) / (2.0 * step_s),
+                (c - 2.0 * b + a) / (step_s * step_s),
+                (d - 3.0 * c + 3.0 * b - a) / (step_s * step_s * step_s),
+            ]
+        };
+        let end = self.at(to_s)[0];
+        Progress { times_s, values: (0..steps).map(piece).chain([[end, 0.0, 0.0, 0.0]]).collect() }
+    }
+
+    /// Through σ, its rate and the rate of that at times, by three cubics between two of them.
+    pub(super) fn through(knots: &[(f64, [f64; 3])]) -> Progress {
+        let mut progress = Progress::default();
+        for pair in knots.windows(2) {
+            let [(from_s, [at, rate, second]), (to_s, end)] = [pair[0], pair[1]];
+            let part_s = (to_s - from_s) / 3.0;
+            let all_s = to_s - from_s;
+            // What constant thirds of the third derivative make of the second, the rate and σ.
+            let a = (end[2] - second) / part_s;
+            let b = (end[1] - rate - second * all_s) / part_s.powi(2);
+            let c = 6.0 * (end[0] - at - rate * all_s - 0.5 * second * all_s * all_s) / part_s.powi(3);
+            let d = b - 0.5 * a;
+            let first = (c - a) / 6.0 - d;
+            let middle = d - 2.0 * first;
+            let mut now = [at, rate, second, first];
+            for (part, third) in [first, middle, a - first - middle].into_iter().enumerate() {
+                now[3] = third;
+                progress.times_s.push(from_s + part_s * part as f64);
+                progress.values.push(now);
+                now = ahead(now, part_s);
+            }
+        }
+        let (time_s, [at, ..]) = knots[knots.len() - 1];
+        progress.times_s.push(time_s);
+        progress.values.push([at, 0.0, 0.0, 0.0]);
+        progress
     }
 
     pub(super) fn duration_s(&self) -> f64 {
