@@ -15,8 +15,10 @@ use crate::geometry::GeometricPath;
 use crate::polynomial::over_time;
 use crate::trajectory::Setpoint;
 
-/// Steps within a window of the mean, and between two rests at least; with more than so many nothing is sought.
-const IN_A_WINDOW: f64 = 5.0;
+/// Steps at a joint of the way, but within a window of the mean at least and at most so many; and between two rests at least.
+/// With more than so many nothing is sought.
+const AT_A_JOINT: f64 = 3.0;
+const IN_A_WINDOW: [f64; 2] = [5.0, 20.0];
 const LEAST_STEPS: usize = 32;
 const MOST_STEPS: f64 = 2000.0;
 /// The first x is so far within all limits, as a factor on the time.
@@ -385,19 +387,23 @@ pub(super) fn shortest<P: GeometricPath>(
     window_s: f64,
     paces: impl Fn(&Progress) -> Vec<f64>,
 ) -> Option<Progress> {
-    let in_a_second = IN_A_WINDOW / window_s;
-    if near.duration_s() * in_a_second > MOST_STEPS {
+    let (joints, rests_s) = (path.breaks(), near.rests_s());
+    // As many as the window asks for, and more where the way itself does.
+    let windows = near.duration_s() / window_s;
+    let [least, most] = IN_A_WINDOW.map(|steps| steps * windows);
+    let asked = (AT_A_JOINT * joints.len() as f64).clamp(least, most);
+    if asked > MOST_STEPS {
         return None;
     }
-    let (joints, rests_s) = (path.breaks(), near.rests_s());
     let span = |rests_s: &[f64]| {
-        let steps = ((in_a_second * (rests_s[1] - rests_s[0])) as usize).max(LEAST_STEPS);
-        let spline = near.spline([rests_s[0], rests_s[1]], steps);
+        let part = (rests_s[1] - rests_s[0]) / near.duration_s();
+        let steps = ((part * asked) as usize).max(LEAST_STEPS);
+        let spline = near.spline([rests_s[0], rests_s[1]], steps)?;
         let scene = Scene::new(path, bounds, &spline, &joints);
         let states = vec![[scene.even(), 0.0, 0.0]; steps];
-        Span { spline, scene, states }
+        Some(Span { spline, scene, states })
     };
-    let mut spans: Vec<Span> = rests_s.windows(2).map(span).collect();
+    let mut spans = rests_s.windows(2).map(span).collect::<Option<Vec<Span>>>()?;
     let mut best: Option<Progress> = None;
     let (mut gap, mut most) = (GAP, 1.0);
     for _ in 0..ROUNDS {

@@ -12,6 +12,8 @@ pub(super) struct Progress {
 const REST: f64 = 1e-9;
 /// Cubics between two knots that a progress goes through.
 pub(super) const PARTS: usize = 3;
+/// Above this part it moves, however it began.
+const MOVES: f64 = 1e-3;
 /// Steps of finding when it is at a place of a piece: the pieces are short, and all but even.
 const NEWTON: usize = 4;
 /// Joints that only rounding parts are one, over their time: what lies between them would have a jerk of rounding alone.
@@ -68,46 +70,43 @@ impl Progress {
     /// When it rests, with its beginning and its end, s.
     pub(super) fn rests_s(&self) -> Vec<f64> {
         let greatest = self.values.iter().fold(0.0_f64, |most, values| most.max(values[1]));
-        let mut rests_s: Vec<f64> = Vec::new();
-        let mut last = f64::NEG_INFINITY;
+        let (mut rests_s, mut has_moved) = (Vec::new(), true);
         for (time_s, values) in self.times_s.iter().zip(&self.values) {
-            // Where it waits one time is enough.
-            if values[1] <= REST * greatest && values[0] > last {
+            if values[1] <= REST * greatest && has_moved {
                 rests_s.push(*time_s);
-                last = values[0] * (1.0 + REST);
+                has_moved = false;
             }
+            has_moved |= values[1] > MOVES * greatest;
         }
         rests_s
     }
 
-    /// A part of it between two rests by a spline over so many even steps: exact where its third derivative is constant over four.
-    pub(super) fn spline(&self, [from_s, to_s]: [f64; 2], steps: usize) -> Progress {
+    /// A part of it between two rests by a cubic B-spline over so many even steps, exact where its third derivative is constant; `None`
+    /// where it would go back.
+    pub(super) fn spline(&self, [from_s, to_s]: [f64; 2], steps: usize) -> Option<Progress> {
         let step_s = (to_s - from_s) / steps as f64;
-        let weight = |at: isize| {
-            // At rest it stays for a step.
-            let at = if at <= 1 {
-                0
-            } else if at >= steps as isize - 1 {
-                steps as isize
-            } else {
-                at
-            };
+        let [begin, end] = [from_s, to_s].map(|time_s| self.at(time_s)[0]);
+        // At rest three are the same.
+        let inner = (2..steps - 1).map(|at| {
             let [sigma, _, second, _] = self.at(from_s + step_s * at as f64);
-            let is_end = at == 0 || at == steps as isize;
-            if is_end { sigma } else { sigma - step_s * step_s * second / 6.0 }
-        };
+            sigma - step_s * step_s * second / 6.0
+        });
+        let weights: Vec<f64> = [begin; 3].into_iter().chain(inner).chain([end; 3]).collect();
+        if !weights.is_sorted() {
+            return None;
+        }
         let times_s = (0..=steps).map(|at| step_s * at as f64).collect();
-        let piece = |at: usize| {
-            let [a, b, c, d] = [-1, 0, 1, 2].map(|off| weight(at as isize + off));
+        let pieces = weights.windows(4).map(|weights| {
+            let [a, b, c, d] = [weights[0], weights[1], weights[2], weights[3]];
+            let rates = [0.5 * (c - a), c - 2.0 * b + a, d - 3.0 * c + 3.0 * b - a];
             [
                 (a + 4.0 * b + c) / 6.0,
-                (c - a) / (2.0 * step_s),
-                (c - 2.0 * b + a) / (step_s * step_s),
-                (d - 3.0 * c + 3.0 * b - a) / (step_s * step_s * step_s),
+                rates[0] / step_s,
+                rates[1] / (step_s * step_s),
+                rates[2] / (step_s * step_s * step_s),
             ]
-        };
-        let end = self.at(to_s)[0];
-        Progress { times_s, values: (0..steps).map(piece).chain([[end, 0.0, 0.0, 0.0]]).collect() }
+        });
+        Some(Progress { times_s, values: pieces.chain([[end, 0.0, 0.0, 0.0]]).collect() })
     }
 
     /// Through σ, its rate and the rate of that at times, by three cubics between two of them.
