@@ -17,7 +17,7 @@ const CELL_M: f64 = 0.05;
 const CLEARANCE_M: f64 = 0.03;
 /// Plans in each room.
 const EACH: usize = 20;
-/// Of the rooms one in so many is solved for the disc by its visibility graph.
+/// Of the rooms two in so many are solved for the disc by its visibility graph, and for others on cells half as large and backwards, too.
 const GRAPHS: usize = 20;
 /// One room in so many has a wall across it with a door that the long robot passes with one heading alone.
 const DOORS: usize = 2;
@@ -260,15 +260,20 @@ fn main() {
         if number % DOORS == 1 {
             blocks.extend(wall(&mut random));
         }
-        let mut map =
-            Map::of_room(&[[0.0, 0.0], [ROOM_M[0], 0.0], ROOM_M, [0.0, ROOM_M[1]]], CELL_M).expect("a room");
-        blocks.iter().for_each(|block| map.block_polygon(block));
-        let space = Space::new(map);
+        let room = |cell_m: f64| {
+            let corners = [[0.0, 0.0], [ROOM_M[0], 0.0], ROOM_M, [0.0, ROOM_M[1]]];
+            let mut map = Map::of_room(&corners, cell_m).expect("a room");
+            blocks.iter().for_each(|block| map.block_polygon(block));
+            Space::new(map)
+        };
+        let is_measured = number % GRAPHS < DOORS;
+        let (space, fine) = (room(CELL_M), is_measured.then(|| room(0.5 * CELL_M)));
         // All robots in each room: a run that is ended has looked at all of them.
         for ((_, footprint, is_disc), row) in robots.iter().zip(&mut rows) {
-            let graph = (*is_disc && number % GRAPHS < DOORS)
+            let graph = (*is_disc && is_measured)
                 .then(|| Graph::new(footprint.outer_radius_m() + CLEARANCE_M, &blocks));
-            let scene = Scene { number, space: &space, footprint, blocks: &blocks, graph };
+            let fine = fine.as_ref().filter(|_| !is_disc);
+            let scene = Scene { number, space: &space, fine, footprint, blocks: &blocks, graph };
             let plans: Vec<Plan> = (0..EACH).filter_map(|_| ask(row, &mut random, &scene)).collect();
             if let Some(file) = &mut file {
                 written::write(file, ROOM_M, scene.blocks, footprint, &plans)
@@ -303,7 +308,7 @@ fn main() {
             format!("{:.0}", row.none_ms)
         );
         if row.missed > 0 {
-            println!("  {} ways of the visibility graph were not found", row.missed);
+            println!("  {} ways that are known were not found", row.missed);
         }
     }
     if let Some(mut file) = file {
@@ -383,6 +388,8 @@ struct Scene<'a> {
     /// The room's number.
     number: usize,
     space: &'a Space,
+    /// The same with cells half as large, where ways on it are asked for.
+    fine: Option<&'a Space>,
     footprint: &'a Footprint,
     blocks: &'a [Block],
     /// The shortest ways of a disc in it, where they are asked for.
@@ -391,7 +398,7 @@ struct Scene<'a> {
 
 /// One plan between two free poses of a room, where there is one.
 fn ask(row: &mut Row, random: &mut Random, scene: &Scene<'_>) -> Option<Plan> {
-    let Scene { number, space, footprint, blocks, graph } = scene;
+    let Scene { number, space, fine, footprint, blocks, graph } = scene;
     let mut checker = space.checker(footprint, CLEARANCE_M);
     let mut free = || {
         // A crowded room may have no place: then whatever comes is told to be blocked.
@@ -418,6 +425,13 @@ fn ask(row: &mut Row, random: &mut Random, scene: &Scene<'_>) -> Option<Plan> {
     row.asked += 1;
     let best =
         graph.as_ref().and_then(|graph| graph.shortest([from.x_m, from.y_m], [to.x_m, to.y_m], blocks));
+    // The shortest of all that are known: on finer cells, and of the ways back.
+    let others = fine.iter().flat_map(|fine| {
+        let back = Task { from: to, to: from, ..task };
+        [task, back, Task { space: fine, ..task }, Task { space: fine, ..back }]
+    });
+    let known = others.filter_map(|task| plan(&task).ok()).map(|plan| plan.length_m).reduce(f64::min);
+    let best = best.or(known);
     match planned {
         Ok(plan) => {
             let by = match plan.by {

@@ -155,7 +155,7 @@ impl std::fmt::Display for End {
 }
 
 /// A disc's way may be longer than the way of the disc that each heading covers, before it is worth turning.
-const LONGER: f64 = 1.15;
+const LONGER: f64 = 1.01;
 /// A footprint whose farthest corner is by no larger part farther than its nearest side is nearly a disc.
 const NEARLY_DISC: f64 = 0.1;
 /// Beside the cells that count the clearance is known by as much more, so that ridges are seen, in cells.

@@ -17,9 +17,9 @@ use passages::State;
 
 const NOBODY: u32 = u32::MAX;
 /// What a turn by one radian costs, in parts of the way that the farthest corner makes by it.
-const TURN_COST: f64 = 0.3;
+const TURN_COST: f64 = 0.03;
 /// What is left of a way counts so many times: far fewer states are looked at, and the way is shortened afterwards.
-const EAGER: f32 = 1.25;
+const EAGER: f32 = 1.1;
 /// From one heading to the next the farthest corner moves by about so many cells.
 const CORNER_STEP: f64 = 1.5;
 /// Headings of a cell, at least and at most.

@@ -74,8 +74,15 @@ fn peak_mb(is_anew: bool) -> f64 {
 fn main() {
     println!("| what | points | limits | CPU ms | memory MB | motion s |\n|---|---|---|---|---|---|");
     let joining = Joining { radius_m: 0.5, corner_rad: 0.52, tolerance_m: 0.05 };
-    for (name, bounds) in [("platform", PlatformBounds::new(LIMITS)), ("wheels, grip, heat", wheels())] {
-        for count in [20, 80, 1000, 10_000, 100_000] {
+    let slow = Limits { jerk_m_s3: 10.0, angular_jerk_rad_s3: 40.0, ..LIMITS };
+    let many: &[usize] = &[20, 80, 1000, 10_000, 100_000];
+    for (name, bounds, counts) in [
+        ("platform", PlatformBounds::new(LIMITS), many),
+        ("wheels, grip, heat", wheels(), many),
+        ("platform, jerk 10 m/s³", PlatformBounds::new(slow), &many[..2]),
+        ("wheels, grip, heat, jerk 10 m/s³", PlatformBounds { limits: slow, ..wheels() }, &many[..2]),
+    ] {
+        for &count in counts {
             let poses: Vec<Pose2> = (0..count).map(pose).collect();
             let mut duration_s = 0.0;
             let runs = (20_000 / count).max(1);

@@ -2,11 +2,13 @@
 //!
 //! First the fastest progress without regard to jerk ([`crate::reach`]), then the mean of it over a window of time: its path is
 //! the same, its acceleration continuous, its jerk at most twice the acceleration over the window. Where the mean exceeds a limit,
-//! for it looks past bends, the limits are lowered there and the progress is found again. Where the mean costs much, other windows are tried.
+//! for it looks past bends, the limits are lowered there and the progress is found again. Where that costs much, it is the beginning of a search
+//! for the best motion near by, over the whole of it at once.
 
 mod bounds;
 mod free;
 mod grid;
+mod optimum;
 mod runs;
 mod smooth;
 
@@ -69,28 +71,18 @@ pub enum FastestError {
 
 /// Rounds of making the grid finer.
 const ROUNDS: usize = 16;
-
-/// How limits are lowered where the mean exceeds them; the rest is done by stretching the whole.
-struct Lowering {
-    rounds: usize,
-    /// By which power of what is asked for: in the first rounds, and after them.
-    powers: [f64; 2],
-    first_rounds: usize,
-}
-
-/// After two rounds by more than asked for: few places are left, whose neighbours follow.
-const QUICKLY: Lowering = Lowering { rounds: 16, powers: [1.0, 2.0], first_rounds: 2 };
-/// By less than asked for: a place that is lowered holds its neighbours, too, which then needn't be lowered as much.
-const GENTLY: Lowering = Lowering { rounds: 60, powers: [0.3, 0.3], first_rounds: 0 };
+/// Rounds of lowering limits where the mean exceeds them; the rest is done by stretching the whole. After so many by more than asked for:
+/// few places are left, whose neighbours follow.
+const LOWERINGS: usize = 16;
+const FEW_AFTER: usize = 2;
+const MORE: f64 = 2.0;
 /// What a limit may be exceeded by before a round, over itself; the last stretch takes it away.
 const NEAR: f64 = 1e-3;
-/// A window that lasts longer than this part of the motion is tried longer and shorter, each time by one of these factors, until so many
-/// in a row gain nothing; and then the best of them again, and shorter ones, with limits that are lowered gently.
-const LONG_WINDOW: f64 = 0.02;
-const LONGER: f64 = 1.25;
-const SHORTER: f64 = 0.8;
-const HARDLY_SHORTER: f64 = 0.85;
-const MISSES: usize = 2;
+/// What the jerk may cost, over the time without regard to it, before the best motion near by is sought; and about how often: as long as
+/// one is found that gains this part.
+const COSTS: f64 = 0.02;
+const GAINS: f64 = 0.02;
+const SEARCHES: usize = 4;
 /// Where pieces of the progress are looked at: beside their joints, and between them.
 const LOOKS: [f64; 3] = [0.001, 0.5, 0.999];
 
@@ -106,12 +98,6 @@ struct Looks<'a> {
     window_s: f64,
     /// Which intervals of the grid something new is near: only there is anything to see.
     is_near: &'a [bool],
-}
-
-/// The shortest motion of those that were tried, and its window.
-struct Best {
-    progress: Progress,
-    window_s: f64,
 }
 
 /// What a motion is smoothed from: the fastest progress without regard to jerk.
@@ -141,14 +127,9 @@ impl Start {
         Ok(Start { grid, reached, acceleration, window_s })
     }
 
-    /// The mean over a window, with limits lowered so that it keeps them all; given up where it lasts longer than `most_s`.
-    fn smoothed(
-        &self,
-        path: &impl GeometricPath,
-        bounds: &PlatformBounds,
-        [window_s, most_s]: [f64; 2],
-        lowering: &Lowering,
-    ) -> Result<Progress, FastestError> {
+    /// The mean over the window, with limits lowered so that it keeps them all.
+    fn smoothed(&self, path: &impl GeometricPath, bounds: &PlatformBounds) -> Result<Progress, FastestError> {
+        let window_s = self.window_s;
         let (mut grid, mut reached) = (self.grid.clone(), self.reached.clone());
         let joints = path.breaks();
         let mut calm: f64 = 0.0;
@@ -157,7 +138,7 @@ impl Start {
             let mut found = FastestTrajectory::of(path, Progress::new(&grid.sigma, &reached.x, window_s));
             let duration_s = found.duration_s();
             // It becomes longer by each round.
-            if duration_s.is_nan() || duration_s > most_s.min(LONGEST_S) {
+            if duration_s.is_nan() || duration_s > LONGEST_S {
                 return Err(FastestError::TooLong { found_s: duration_s });
             }
             round += 1;
@@ -165,17 +146,18 @@ impl Start {
             let looks = Looks { grid: &grid, joints: &joints, window_s, is_near: &is_near };
             let (mut excesses, mut most) = found.excesses(&looks, bounds, &mut calm);
             // What cools is slower: a look before the others' rounds, and one behind them.
-            let is_kept = most <= 1.0 + NEAR || round == lowering.rounds;
+            let is_kept = most <= 1.0 + NEAR || round == LOWERINGS;
             let hot = if round == 1 || is_kept { found.too_hot(bounds) } else { Vec::new() };
             most = hot.iter().map(|excess| excess.pace).fold(most, f64::max);
-            if most <= 1.0 + NEAR || round == lowering.rounds {
+            if most <= 1.0 + NEAR || round == LOWERINGS {
                 found.progress.stretch(most);
                 let found_s = found.duration_s();
-                let is_shorter = found_s < most_s.min(LONGEST_S);
-                return if is_shorter { Ok(found.progress) } else { Err(FastestError::TooLong { found_s }) };
+                let is_short = found_s < LONGEST_S;
+                return if is_short { Ok(found.progress) } else { Err(FastestError::TooLong { found_s }) };
             }
-            let power = lowering.powers[usize::from(round > lowering.first_rounds)];
-            excesses.iter_mut().for_each(|excess| excess.pace = excess.pace.powf(power));
+            if round > FEW_AFTER {
+                excesses.iter_mut().for_each(|excess| excess.pace = excess.pace.powf(MORE));
+            }
             let parts = grid.too_long(&excesses, &reached, window_s);
             grid.split(path, bounds, &parts, &mut reached)?;
             let before = grid.pace.clone();
@@ -187,42 +169,65 @@ impl Start {
     }
 }
 
+impl Start {
+    /// How long the motion takes without regard to jerk, s.
+    fn lasts_s(&self) -> f64 {
+        (0..self.grid.intervals.len()).map(|at| self.grid.lasts_s(&self.reached, at)).sum()
+    }
+
+    /// The shortest motion near one, if it is shorter.
+    fn shorter<P: GeometricPath + Copy>(
+        &self,
+        near: &FastestTrajectory<P>,
+        bounds: &PlatformBounds,
+    ) -> Option<FastestTrajectory<P>> {
+        let joints = near.path.breaks();
+        let is_near = vec![true; self.grid.intervals.len()];
+        let looks = Looks { grid: &self.grid, joints: &joints, window_s: 0.0, is_near: &is_near };
+        let paces = |progress: &Progress| {
+            let mut paces = vec![1.0_f64; progress.piece_count()];
+            FastestTrajectory::of(near.path, progress.clone()).look(&looks, bounds, |piece, _, pace| {
+                paces[piece] = paces[piece].max(pace);
+            });
+            paces
+        };
+        let found = optimum::shortest(&near.path, bounds, &near.progress, self.window_s, paces)?;
+        let found = FastestTrajectory::of(near.path, found);
+        let is_better = found.duration_s() < near.duration_s() && found.too_hot(bounds).is_empty();
+        is_better.then_some(found)
+    }
+}
+
 impl<P: GeometricPath> FastestTrajectory<P> {
     /// The fastest motion along a path.
     pub fn new(path: P, bounds: &PlatformBounds) -> Result<FastestTrajectory<P>, FastestError> {
         FastestTrajectory::that(path, bounds, |_, _| true)
     }
 
-    /// The fastest motion along a path, but another mean than the first is taken only where its progress is as it must be.
+    /// The fastest motion along a path, but another one than the mean is taken only where its progress is as it must be.
     fn that(
         path: P,
         bounds: &PlatformBounds,
         is_so: impl Fn(&P, &Progress) -> bool,
     ) -> Result<FastestTrajectory<P>, FastestError> {
         let start = Start::new(&path, bounds)?;
-        let progress = start.smoothed(&path, bounds, [start.window_s, f64::INFINITY], &QUICKLY)?;
-        let mut best = Best { progress, window_s: start.window_s };
-        // Where the jerk is small, the mean costs time: a shorter one costs less, until limits are lowered by more than that for it. By how
-        // much they are isn't even over windows: one that gains nothing may be followed by one that does.
-        let mut tried = |factor: f64, is_again: bool, lowering: &Lowering| {
-            let mut window_s = if is_again { best.window_s } else { factor * start.window_s };
-            let mut misses = 0;
-            while misses < MISSES && window_s > LONG_WINDOW * best.progress.duration_s() {
-                let span_s = [window_s, best.progress.duration_s()];
-                match start.smoothed(&path, bounds, span_s, lowering) {
-                    Ok(progress) if is_so(&path, &progress) => {
-                        best = Best { progress, window_s };
-                        misses = 0;
-                    }
-                    _ => misses += 1,
+        let mut best = FastestTrajectory::of(&path, start.smoothed(&path, bounds)?);
+        if best.duration_s() > (1.0 + COSTS) * start.lasts_s() {
+            // The mean looks past whatever is shorter than its window, and one window holds for the whole.
+            for _ in 0..SEARCHES {
+                let Some(found) = start.shorter(&best, bounds).filter(|found| is_so(&path, &found.progress))
+                else {
+                    break;
+                };
+                let is_done = found.duration_s() > (1.0 - GAINS) * best.duration_s();
+                best = found;
+                if is_done {
+                    break;
                 }
-                window_s *= factor;
             }
-        };
-        tried(LONGER, false, &QUICKLY);
-        tried(SHORTER, false, &QUICKLY);
-        tried(HARDLY_SHORTER, true, &GENTLY);
-        Ok(FastestTrajectory::of(path, best.progress))
+        }
+        let progress = best.progress;
+        Ok(FastestTrajectory::of(path, progress))
     }
 
     /// The motion that a progress makes along a path.
@@ -236,9 +241,7 @@ impl<P: GeometricPath> FastestTrajectory<P> {
     fn excesses(&self, looks: &Looks<'_>, bounds: &PlatformBounds, calm: &mut f64) -> (Vec<Excess>, f64) {
         let mut found = Vec::new();
         let mut most: f64 = 1.0;
-        let (mut at, mut joint, mut of_path) = (0, 0, 0);
-        let mut look = |time_s: f64, setpoint: &Setpoint| {
-            let pace = bounds.pace(setpoint);
+        self.look(looks, bounds, |_, time_s, pace| {
             if pace > 1.0 + 0.5 * NEAR {
                 let between = [-0.5, 0.5].map(|part| self.progress.at(time_s + part * looks.window_s)[0]);
                 found.push(Excess { between, pace });
@@ -246,7 +249,13 @@ impl<P: GeometricPath> FastestTrajectory<P> {
             } else {
                 *calm = calm.max(pace);
             }
-        };
+        });
+        (found, most.max(*calm))
+    }
+
+    /// Tells pieces of the progress with times and how many times as long the motion would have to take there to keep its limits.
+    fn look(&self, looks: &Looks<'_>, bounds: &PlatformBounds, mut take: impl FnMut(usize, f64, f64)) {
+        let (mut at, mut joint, mut of_path) = (0, 0, 0);
         let Looks { grid, joints, is_near, .. } = looks;
         let beside = BESIDE * self.path.length();
         for piece in 0..self.progress.piece_count() {
@@ -259,7 +268,7 @@ impl<P: GeometricPath> FastestTrajectory<P> {
             }
             for part in LOOKS {
                 let (time_s, progress) = self.progress.in_piece(piece, part);
-                look(time_s, &self.along(progress, 1.0, &mut of_path));
+                take(piece, time_s, bounds.pace(&self.along(progress, 1.0, &mut of_path)));
             }
             // Where the way's third derivative jumps, the jerk does: both sides of it count.
             let end = self.progress.in_piece(piece, 1.0).1[0];
@@ -269,11 +278,10 @@ impl<P: GeometricPath> FastestTrajectory<P> {
                 for side in [-1.0, 1.0] {
                     let [_, rate, second, third] = progress;
                     let beside = [sigma + side * beside, rate, second, third];
-                    look(time_s, &self.along(beside, side, &mut of_path));
+                    take(piece, time_s, bounds.pace(&self.along(beside, side, &mut of_path)));
                 }
             }
         }
-        (found, most.max(*calm))
     }
 
     /// Where motors become too hot.

@@ -161,9 +161,8 @@ fn with_a_limit_on_jerk_the_time_is_the_optimum() {
 #[test]
 fn in_third_order_the_time_is_hardly_above_the_optimum_of_copp() {
     let count = std::env::var("OMNIBASE_COPP_PATHS").map_or(COPP_PATHS, |text| text.parse().unwrap());
-    // A jerk that costs a few percent, and one so small that the mean over a window misses the hundredth here and there: of 100 paths five
-    // are more than that above, 2.4 % at most. In the mean it is a hundredth below.
-    for (jerk, asked) in [([40.0, 80.0], 1.0), ([10.0, 20.0], 2.5)] {
+    // A jerk that costs a few percent, and one that costs ten. Of 100 paths none is slower than what it finds.
+    for jerk in [[40.0, 80.0], [10.0, 20.0]] {
         let Some(times_s) = compared(&COPP, count, Some(jerk)) else { return };
         let more = times_s.iter().map(|[own_s, found_s]| 100.0 * (own_s / found_s - 1.0));
         let mut more: Vec<f64> = more.collect();
@@ -176,17 +175,16 @@ fn in_third_order_the_time_is_hardly_above_the_optimum_of_copp() {
             more.len(),
             more[0]
         );
-        assert!(most < asked && mean < -0.5, "{most} %, {mean} % in the mean");
+        assert!(most < -0.5 && mean < -1.5, "{most} %, {mean} % in the mean");
     }
 }
 
 #[test]
-fn a_window_that_gains_nothing_is_not_the_last_one_tried() {
-    // Paths whose best window lies behind one that is worse, or is longer than the first one, and what `copp` finds for them (by the test
-    // above).
+fn what_the_mean_misses_is_found() {
+    // Humps of speed between two bends, where the mean over a window took up to 3.6 % longer than what `copp` finds (by the test above).
     let bounds = PlatformBounds::new(limits([10.0, 20.0]));
-    for (number, found_s) in [(69, 6.2190), (20, 5.3625), (89, 5.3796)] {
+    for (number, found_s) in [(37, 5.4150), (62, 5.5771), (98, 5.6854), (69, 6.2190)] {
         let own_s = FastestTrajectory::new(Waves::new(number), &bounds).unwrap().duration_s();
-        assert!(own_s < 1.006 * found_s, "path {number}: {own_s} s, by copp {found_s} s");
+        assert!(own_s < 0.995 * found_s, "path {number}: {own_s} s, by copp {found_s} s");
     }
 }

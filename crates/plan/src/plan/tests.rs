@@ -142,6 +142,17 @@ fn of_two_ways_on_different_sides_the_shorter_one_is_taken() {
 }
 
 #[test]
+fn a_long_robot_turns_where_that_is_a_tenth_shorter() {
+    // Through the near door it is 6.0 m for who turns; through the wide one any heading goes, and 6.64 m.
+    let walls = [[3.9, 0.0, 4.1, 2.55], [3.9, 3.45, 4.1, 3.65], [3.9, 5.5, 4.1, 6.0]];
+    let (space, long) = (room(&walls), long());
+    let upright = std::f64::consts::FRAC_PI_2;
+    let found = plan(&ask(&space, &long, [[1.0, 3.0, upright], [7.0, 3.0, upright]])).unwrap();
+    assert!(found.by == By::Turning && found.length_m < 6.06, "{:?}, {} m", found.by, found.length_m);
+    assert_eq!(touched(&found, &long, &walls), None);
+}
+
+#[test]
 fn the_ridge_keeps_to_the_middle() {
     let walls = [[2.0, 0.0, 6.0, 1.5], [2.0, 4.5, 6.0, 6.0]];
     let (space, footprint) = (room(&walls), Footprint::disc(0.3).unwrap());

@@ -81,10 +81,8 @@ impl PlatformBounds {
             [cos * x + sin * y, cos * y - sin * x, turn]
         };
         let (bend, third) = (Bend { rate: turned(1), curve: turned(2) }, turned(3));
-        let Limits { speed_m_s, rate_rad_s, jerk_m_s3, angular_jerk_rad_s3, .. } = self.limits;
-        let along = bend.rate[0].hypot(bend.rate[1]) / speed_m_s;
-        let rates = self.wheel_speeds.iter().map(|row| dot(row, &bend.rate).abs());
-        let rate = rates.fold(along.max(bend.rate[2].abs() / rate_rad_s), f64::max);
+        let Limits { jerk_m_s3, angular_jerk_rad_s3, .. } = self.limits;
+        let rate = self.speed_share(&bend.rate);
         let cube = (third[0].hypot(third[1]) / jerk_m_s3).max(third[2].abs() / angular_jerk_rad_s3).cbrt();
         (bend, rate.max(cube).powi(-2))
     }
@@ -102,11 +100,28 @@ impl PlatformBounds {
         for row in &self.wheel_speeds {
             take(Limit::WheelSpeed, dot(row, &twist).abs(), 1.0);
         }
+        self.planes_at(&twist, |limit, plane, left| take(limit, dot(&plane.normal, &acceleration), left));
+    }
+
+    /// Velocity, acceleration and jerk of a moment, in its base's axes.
+    pub(super) fn derivatives_in_base(&self, setpoint: &Setpoint) -> [[f64; 3]; 3] {
+        in_base(setpoint, [setpoint.twist_in_odom, setpoint.acceleration_in_odom, setpoint.jerk_in_odom])
+    }
+
+    /// What part of the limits on speed a twist in base takes.
+    pub(super) fn speed_share(&self, twist: &[f64; 3]) -> f64 {
+        let Limits { speed_m_s, rate_rad_s, .. } = self.limits;
+        let along = twist[0].hypot(twist[1]) / speed_m_s;
+        let rates = self.wheel_speeds.iter().map(|row| dot(row, twist).abs());
+        rates.fold(along.max(twist[2].abs() / rate_rad_s), f64::max)
+    }
+
+    /// Tells each plane's normal with what it leaves of the acceleration where the platform moves with a twist in base.
+    pub(super) fn planes_at(&self, twist: &[f64; 3], mut take: impl FnMut(Limit, &Plane, f64)) {
         let is_resisted = !self.resistance.is_empty();
-        let resistance = if is_resisted { resisting(&self.resistance, &twist) } else { [0.0; 3] };
+        let resistance = if is_resisted { resisting(&self.resistance, twist) } else { [0.0; 3] };
         for (limit, plane) in &self.planes {
-            let left = if is_resisted { plane.left(&resistance) } else { plane.most };
-            take(*limit, dot(&plane.normal, &acceleration), left);
+            take(*limit, plane, if is_resisted { plane.left(&resistance) } else { plane.most });
         }
     }
 

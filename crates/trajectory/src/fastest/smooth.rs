@@ -10,6 +10,10 @@ pub(super) struct Progress {
 
 /// A speed below this part of the greatest is rest.
 const REST: f64 = 1e-9;
+/// Cubics between two knots that a progress goes through.
+pub(super) const PARTS: usize = 3;
+/// Above this part it moves, however it began.
+const MOVES: f64 = 1e-3;
 /// Steps of finding when it is at a place of a piece: the pieces are short, and all but even.
 const NEWTON: usize = 4;
 /// Joints that only rounding parts are one, over their time: what lies between them would have a jerk of rounding alone.
@@ -61,6 +65,76 @@ impl Progress {
         if let Some(last) = self.values.last_mut() {
             *last = [length, 0.0, 0.0, 0.0];
         }
+    }
+
+    /// When it rests, with its beginning and its end, s.
+    pub(super) fn rests_s(&self) -> Vec<f64> {
+        let greatest = self.values.iter().fold(0.0_f64, |most, values| most.max(values[1]));
+        let (mut rests_s, mut has_moved) = (Vec::new(), true);
+        for (time_s, values) in self.times_s.iter().zip(&self.values) {
+            if values[1] <= REST * greatest && has_moved {
+                rests_s.push(*time_s);
+                has_moved = false;
+            }
+            has_moved |= values[1] > MOVES * greatest;
+        }
+        rests_s
+    }
+
+    /// A part of it between two rests by a cubic B-spline over so many even steps, exact where its third derivative is constant; `None`
+    /// where it would go back.
+    pub(super) fn spline(&self, [from_s, to_s]: [f64; 2], steps: usize) -> Option<Progress> {
+        let step_s = (to_s - from_s) / steps as f64;
+        let [begin, end] = [from_s, to_s].map(|time_s| self.at(time_s)[0]);
+        // At rest three are the same.
+        let inner = (2..steps - 1).map(|at| {
+            let [sigma, _, second, _] = self.at(from_s + step_s * at as f64);
+            sigma - step_s * step_s * second / 6.0
+        });
+        let weights: Vec<f64> = [begin; 3].into_iter().chain(inner).chain([end; 3]).collect();
+        if !weights.is_sorted() {
+            return None;
+        }
+        let times_s = (0..=steps).map(|at| step_s * at as f64).collect();
+        let pieces = weights.windows(4).map(|weights| {
+            let [a, b, c, d] = [weights[0], weights[1], weights[2], weights[3]];
+            let rates = [0.5 * (c - a), c - 2.0 * b + a, d - 3.0 * c + 3.0 * b - a];
+            [
+                (a + 4.0 * b + c) / 6.0,
+                rates[0] / step_s,
+                rates[1] / (step_s * step_s),
+                rates[2] / (step_s * step_s * step_s),
+            ]
+        });
+        Some(Progress { times_s, values: pieces.chain([[end, 0.0, 0.0, 0.0]]).collect() })
+    }
+
+    /// Through σ, its rate and the rate of that at times, by three cubics between two of them.
+    pub(super) fn through(knots: &[(f64, [f64; 3])]) -> Progress {
+        let mut progress = Progress::default();
+        for pair in knots.windows(2) {
+            let [(from_s, [at, rate, second]), (to_s, end)] = [pair[0], pair[1]];
+            let part_s = (to_s - from_s) / 3.0;
+            let all_s = to_s - from_s;
+            // What constant thirds of the third derivative make of the second, the rate and σ.
+            let a = (end[2] - second) / part_s;
+            let b = (end[1] - rate - second * all_s) / part_s.powi(2);
+            let c = 6.0 * (end[0] - at - rate * all_s - 0.5 * second * all_s * all_s) / part_s.powi(3);
+            let d = b - 0.5 * a;
+            let first = (c - a) / 6.0 - d;
+            let middle = d - 2.0 * first;
+            let mut now = [at, rate, second, first];
+            for (part, third) in [first, middle, a - first - middle].into_iter().enumerate() {
+                now[3] = third;
+                progress.times_s.push(from_s + part_s * part as f64);
+                progress.values.push(now);
+                now = ahead(now, part_s);
+            }
+        }
+        let (time_s, [at, ..]) = knots[knots.len() - 1];
+        progress.times_s.push(time_s);
+        progress.values.push([at, 0.0, 0.0, 0.0]);
+        progress
     }
 
     pub(super) fn duration_s(&self) -> f64 {

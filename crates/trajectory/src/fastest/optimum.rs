@@ -1,0 +1,440 @@
+//! The shortest motion near another one, over the whole of its grid at once.
+//!
+//! The other motion, as a spline over even steps of its time s, takes the place of the way: with x = ṡ² and u = s̈ a limit on the speed is
+//! linear in x, one on the acceleration a ball or a plane in (x, u), and one on the jerk a ball in (x, u, u') whose radius is 1/√x. So
+//! nothing is singular where the motion rests, and x is about 1 everywhere. On each step u' is constant. The least time is found by a
+//! primal-dual interior-point method (S. Boyd and L. Vandenberghe, *Convex Optimization*, 2004, 11.7), with the jerk's radius, which alone isn't
+//! convex, taken without its curvature; each of its linear systems is solved along the grid, as that of a linear regulator. Where the
+//! motion exceeds limits between the looks, they are lowered on that step. What is found is the best near by, not surely the best.
+
+use std::ops::Range;
+
+use super::bounds::PlatformBounds;
+use super::smooth::{PARTS, Progress};
+use crate::geometry::GeometricPath;
+use crate::polynomial::over_time;
+use crate::trajectory::Setpoint;
+
+/// Steps at a joint of the way, but within a window of the mean at least and at most so many; and between two rests at least.
+/// With more than so many nothing is sought.
+const AT_A_JOINT: f64 = 3.0;
+const IN_A_WINDOW: [f64; 2] = [5.0, 20.0];
+const LEAST_STEPS: usize = 32;
+const MOST_STEPS: f64 = 2000.0;
+/// The first x is so far within all limits, as a factor on the time.
+const WITHIN: f64 = 1.05;
+/// What all prices make of the time when it begins, when it begins again, and in the end.
+const GAP: f64 = 1.0;
+const GAP_AGAIN: f64 = 0.1;
+const LAST_GAP: f64 = 1e-3;
+/// What part of the gap is asked for next: what the last move left, within these. A move that makes so much of itself is whole.
+const LESS: [f64; 2] = [0.05, 0.9];
+const WHOLE: f64 = 0.5;
+/// Moves at most, and how far one is cut at most.
+const MOVES: usize = 60;
+const SHORTEST: f64 = 1e-6;
+const SHORTER: f64 = 0.8;
+/// A move leaves so much of what is left to each limit, and of its price.
+const LEFT: f64 = 0.1;
+/// Rounds of lowering limits, until none is exceeded by more; a last stretch takes that away.
+const ROUNDS: usize = 4;
+const NEAR: f64 = 1e-3;
+/// Gauss and Legendre's rule of three points.
+const GAUSS: [[f64; 2]; 3] =
+    [[0.112_701_665_379_258_3, 5.0 / 18.0], [0.5, 8.0 / 18.0], [0.887_298_334_620_741_7, 5.0 / 18.0]];
+/// Axes whose limit is one on their length: x and y, and the turn.
+const BALLS: [Range<usize>; 2] = [0..2, 2..3];
+
+/// x, u and u' at the beginning of a step, where its length counts 1.
+type State = [f64; 3];
+/// Coefficients of these.
+type Row = [f64; 3];
+
+/// What limits ask at a moment of a step, each over itself.
+struct Look {
+    /// x there.
+    x: Row,
+    /// What part of the step's time is counted there.
+    weight: f64,
+    /// What speed takes of x.
+    speed: f64,
+    /// The acceleration along x, y and the turn; and the jerk, over √x.
+    acceleration: [Row; 3],
+    jerk: [Row; 3],
+    planes: Range<usize>,
+}
+
+/// One limit at one look: what is left to it, how fast that falls over the state, and its price.
+#[derive(Clone, Copy)]
+struct Bar {
+    left: f64,
+    falls: Row,
+    price: f64,
+}
+
+/// Looks and limits of a step.
+struct Step {
+    looks: Range<usize>,
+    bars: Range<usize>,
+}
+
+/// All that is asked of a motion between two rests.
+#[derive(Default)]
+struct Scene {
+    steps: Vec<Step>,
+    looks: Vec<Look>,
+    planes: Vec<Row>,
+}
+
+/// A quadratic form over a step's state: its slope, and its curvature, from the first row's three to the last one's one.
+#[derive(Default)]
+struct Form {
+    slope: [f64; 3],
+    curve: [f64; 6],
+}
+
+impl Form {
+    fn add(&mut self, row: &Row, slope: f64, curve: f64) {
+        let [x, u, w] = *row;
+        let [cx, cu, cw] = row.map(|part| curve * part);
+        let products = [cx * x, cx * u, cx * w, cu * u, cu * w, cw * w];
+        self.curve.iter_mut().zip(products).for_each(|(sum, product)| *sum += product);
+        self.slope.iter_mut().zip(row).for_each(|(sum, part)| *sum += slope * part);
+    }
+}
+
+fn dot(a: &Row, b: &State) -> f64 {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn moved(states: &[State], moves: &[State], part: f64) -> Vec<State> {
+    let pairs = states.iter().zip(moves);
+    pairs.map(|(state, by)| std::array::from_fn(|at| state[at] + part * by[at])).collect()
+}
+
+impl Look {
+    /// Tells what is left to each limit, how fast that falls, and the rows whose squares make it fall.
+    fn limits(&self, planes: &[Row], state: &State, mut take: impl FnMut(f64, Row, &[Row])) {
+        let x = dot(&self.x, state);
+        take(1.0 - self.speed * x, self.x.map(|part| self.speed * part), &[]);
+        // The squares of the radii: 1 for the acceleration, 1/x for the jerk.
+        for (rows, square, fall) in [(&self.acceleration, 1.0, 0.0), (&self.jerk, 1.0 / x, 1.0 / (x * x))] {
+            for ball in BALLS {
+                let rows = &rows[ball];
+                let (mut left, mut falls) = (square, self.x.map(|part| fall * part));
+                for row in rows {
+                    let y = dot(row, state);
+                    left -= y * y;
+                    falls = std::array::from_fn(|at| falls[at] + 2.0 * y * row[at]);
+                }
+                take(left, falls, rows);
+            }
+        }
+        for row in &planes[self.planes.clone()] {
+            take(1.0 - dot(row, state), *row, &[]);
+        }
+    }
+
+    fn limit_count(&self) -> usize {
+        1 + 2 * BALLS.len() + self.planes.len()
+    }
+}
+
+impl Scene {
+    fn new(path: &impl GeometricPath, bounds: &PlatformBounds, spline: &Progress, joints: &[f64]) -> Scene {
+        let count = spline.piece_count();
+        let step_s = spline.duration_s() / count as f64;
+        let mut scene = Scene::default();
+        let (mut of_path, mut joint, mut bars) = (0, 0, 0);
+        for step in 0..count {
+            let first = scene.looks.len();
+            let mut look = |part: f64, progress: [f64; 4], side: f64| {
+                let axes = path.sample_near(progress[0], side, &mut of_path);
+                let at = Setpoint::from_axes(axes.map(|axis| over_time(axis, progress)));
+                let rate = progress[1] / path.most_rate(progress[0]);
+                scene.push(bounds, &at, rate, [part, step_s]);
+            };
+            let [begin, middle, end] = [0.0, 0.5, 1.0].map(|part| spline.in_piece(step, part).1);
+            look(0.0, begin, 1.0);
+            look(0.5, middle, 1.0);
+            // Where the way's third derivative jumps, the jerk does: both sides of it count.
+            joint += joints[joint..].iter().take_while(|joint| **joint <= begin[0]).count();
+            for sigma in joints[joint..].iter().take_while(|joint| **joint < end[0]) {
+                let (time_s, [_, rates @ ..]) = spline.in_piece_at(step, *sigma);
+                for side in [-1.0, 1.0] {
+                    look(time_s / step_s - step as f64, [*sigma, rates[0], rates[1], rates[2]], side);
+                }
+            }
+            look(1.0, end, -1.0);
+            let looks = first..scene.looks.len();
+            // The trapezoidal rule.
+            scene.looks[looks.start].weight = 0.5;
+            scene.looks[looks.end - 1].weight = 0.5;
+            let begin = bars;
+            bars += scene.looks[looks.clone()].iter().map(Look::limit_count).sum::<usize>();
+            scene.steps.push(Step { looks, bars: begin..bars });
+        }
+        scene
+    }
+
+    /// A look at a part of a step, where the spline's own motion is `at`, and its rate takes a part of what the way allows.
+    fn push(&mut self, bounds: &PlatformBounds, at: &Setpoint, rate: f64, [part, step_s]: [f64; 2]) {
+        let limits = &bounds.limits;
+        // From what x, u and u' make there to what those at the beginning do.
+        let row = |x: f64, u: f64, w: f64| {
+            let (u, w) = (u / step_s, w / (step_s * step_s));
+            [x, 2.0 * part * x + u, part * (part * x + u) + w]
+        };
+        let [first, second, third] = bounds.derivatives_in_base(at);
+        let [along, turn] = [limits.acceleration_m_s2, limits.angular_acceleration_rad_s2];
+        let accelerations = [along, along, turn];
+        let jerks = [limits.jerk_m_s3, limits.jerk_m_s3, limits.angular_jerk_rad_s3];
+        let from = self.planes.len();
+        bounds.planes_at(&first, |_, plane, left| {
+            let [x, u] = [second, first].map(|of| dot(&plane.normal, &of) / left);
+            self.planes.push(row(x, u, 0.0));
+        });
+        self.looks.push(Look {
+            x: row(1.0, 0.0, 0.0),
+            weight: 0.0,
+            speed: bounds.speed_share(&first).max(rate).powi(2),
+            acceleration: std::array::from_fn(|axis| {
+                let [x, u] = [second[axis], first[axis]].map(|of| of / accelerations[axis]);
+                row(x, u, 0.0)
+            }),
+            jerk: std::array::from_fn(|axis| {
+                let [x, u, w] = [third[axis], 3.0 * second[axis], first[axis]].map(|of| of / jerks[axis]);
+                row(x, u, w)
+            }),
+            planes: from..self.planes.len(),
+        });
+    }
+
+    /// The greatest even x within all limits.
+    fn even(&self) -> f64 {
+        let size = |rows: &[Row]| rows.iter().map(|row| row[0].powi(2)).sum::<f64>().sqrt();
+        let most = self.looks.iter().map(|look| {
+            let planes = self.planes[look.planes.clone()].iter().map(|row| row[0]);
+            let balls = BALLS.map(|ball| {
+                size(&look.acceleration[ball.clone()]).max(size(&look.jerk[ball]).powf(2.0 / 3.0))
+            });
+            planes.chain(balls).fold(look.speed, f64::max)
+        });
+        1.0 / most.fold(0.0, f64::max)
+    }
+
+    /// Tells all limits of a step as [`Look::limits`] does.
+    fn limits(&self, step: &Step, state: &State, mut take: impl FnMut(f64, Row, &[Row])) {
+        let looks = &self.looks[step.looks.clone()];
+        looks.iter().for_each(|look| look.limits(&self.planes, state, &mut take));
+    }
+
+    /// What is left to all limits; `None` where it is less than a part of what was.
+    fn left(&self, states: &[State], bars: &[Bar]) -> Option<Vec<f64>> {
+        let mut found = Vec::with_capacity(bars.len());
+        for (step, state) in self.steps.iter().zip(states) {
+            let mut is_enough = true;
+            self.limits(step, state, |left, _, _| {
+                is_enough &= left > LEFT * bars[found.len()].left;
+                found.push(left);
+            });
+            if !is_enough {
+                return None;
+            }
+        }
+        Some(found)
+    }
+
+    /// Newton's move towards where each price is a weight over what is left; how fast that falls goes into `bars`.
+    fn newton(&self, states: &[State], bars: &mut [Bar], weight: f64) -> Vec<State> {
+        // Backwards: u' as the best answer to x and u, and what is then left to pay from there on.
+        let mut answers = vec![[0.0; 3]; states.len()];
+        let (mut slope, mut curve) = ([0.0; 2], [0.0; 3]);
+        for ((step, state), answer) in self.steps.iter().zip(states).zip(&mut answers).rev() {
+            let mut form = Form::default();
+            let mut of_step = bars[step.bars.clone()].iter_mut();
+            for look in &self.looks[step.looks.clone()] {
+                if look.weight > 0.0 {
+                    let x = dot(&look.x, state);
+                    let rate = 0.5 * look.weight / (x * x.sqrt());
+                    form.add(&look.x, -rate, 1.5 * rate / x);
+                }
+                look.limits(&self.planes, state, |left, falls, rows| {
+                    let bar = of_step.next().expect("each limit has one");
+                    bar.falls = falls;
+                    form.add(&falls, weight / left, bar.price / left);
+                    rows.iter().for_each(|row| form.add(row, 0.0, 2.0 * bar.price));
+                });
+            }
+            // What is behind the step: x' = x + 2u + w and u' = u + w.
+            let (by_x, by_u) = (slope[0], slope[1]);
+            let behind = [by_x, 2.0 * by_x + by_u, by_x + by_u];
+            form.slope.iter_mut().zip(behind).for_each(|(sum, part)| *sum += part);
+            let [xx, xu, uu] = curve;
+            let behind = [
+                xx,
+                2.0 * xx + xu,
+                xx + xu,
+                4.0 * (xx + xu) + uu,
+                2.0 * xx + 3.0 * xu + uu,
+                xx + 2.0 * xu + uu,
+            ];
+            form.curve.iter_mut().zip(behind).for_each(|(sum, part)| *sum += part);
+            let ([x, u, w], [xx, xu, xw, uu, uw, ww]) = (form.slope, form.curve);
+            let [of_x, of_u, own] = [xw, uw, w].map(|part| -part / ww);
+            *answer = [of_x, of_u, own];
+            slope = [x + own * xw, u + own * uw];
+            curve = [xx + of_x * xw, xu + of_x * uw, uu + of_u * uw];
+        }
+        let [xx, xu, uu] = curve;
+        let det = xx * uu - xu * xu;
+        let mut at = [(xu * slope[1] - uu * slope[0]) / det, (xu * slope[0] - xx * slope[1]) / det];
+        let moves = answers.iter().map(|answer| {
+            let state = [at[0], at[1], answer[0] * at[0] + answer[1] * at[1] + answer[2]];
+            at = [state[0] + 2.0 * state[1] + state[2], state[1] + state[2]];
+            state
+        });
+        moves.collect()
+    }
+
+    /// Moves states within all limits to those of the least time, or towards them.
+    fn solve(&self, states: &mut Vec<State>, gap: f64) {
+        let mut bars = Vec::new();
+        for (step, state) in self.steps.iter().zip(states.iter()) {
+            self.limits(step, state, |left, falls, _| bars.push(Bar { left, falls, price: 0.0 }));
+        }
+        let (count, length) = (bars.len() as f64, states.len() as f64);
+        bars.iter_mut().for_each(|bar| bar.price = gap * length / count / bar.left);
+        let mut less = 0.5;
+        for _ in 0..MOVES {
+            let gap = bars.iter().map(|bar| bar.left * bar.price).sum::<f64>();
+            let weight = less * gap / count;
+            let moves = self.newton(states, &mut bars, weight);
+            let of_steps = || {
+                self.steps.iter().zip(&moves).flat_map(|(step, by)| step.bars.clone().map(move |at| (at, by)))
+            };
+            let (mut part, mut of_prices) = (1.0_f64, 1.0_f64);
+            let mut changes = Vec::with_capacity(bars.len());
+            for (at, by) in of_steps() {
+                let Bar { left, falls, price } = &bars[at];
+                let falls = dot(falls, by);
+                let change = (weight + price * falls) / left - price;
+                part = part.min((1.0 - LEFT) * left / falls.max(0.0));
+                of_prices = of_prices.min((1.0 - LEFT) * price / (-change).max(0.0));
+                changes.push(change);
+            }
+            let parts = std::iter::successors(Some(part), |part| Some(SHORTER * part));
+            let tried = parts.take_while(|part| *part > SHORTEST).find_map(|part| {
+                let moved = moved(states, &moves, part);
+                self.left(&moved, &bars).map(|left| (part, moved, left))
+            });
+            let Some((part, moved, left)) = tried else { break };
+            *states = moved;
+            for ((bar, left), change) in bars.iter_mut().zip(left).zip(changes) {
+                bar.left = left;
+                bar.price += of_prices * change;
+            }
+            let made = part.min(of_prices);
+            less = (1.0 - made).clamp(LESS[0], LESS[1]);
+            let gap = bars.iter().map(|bar| bar.left * bar.price).sum::<f64>();
+            if made > WHOLE && gap < LAST_GAP * length {
+                break;
+            }
+        }
+    }
+
+    /// Lowers the limits of a step so that it takes so many times as long.
+    fn lower(&mut self, step: usize, pace: f64) {
+        let (second, third) = (pace.powi(2), pace.powi(3));
+        for look in &mut self.looks[self.steps[step].looks.clone()] {
+            look.speed *= second;
+            look.acceleration.as_flattened_mut().iter_mut().for_each(|part| *part *= second);
+            look.jerk.as_flattened_mut().iter_mut().for_each(|part| *part *= third);
+            self.planes[look.planes.clone()].as_flattened_mut().iter_mut().for_each(|part| *part *= second);
+        }
+    }
+}
+
+/// A motion between two rests.
+struct Span {
+    spline: Progress,
+    scene: Scene,
+    states: Vec<State>,
+}
+
+impl Span {
+    /// Adds its motion to one before it, from a time on; when it ends, s.
+    fn push_knots(&self, from_s: f64, knots: &mut Vec<(f64, [f64; 3])>) -> f64 {
+        let step_s = self.spline.duration_s() / self.states.len() as f64;
+        let mut time_s = from_s;
+        for (step, [x, u, w]) in self.states.iter().copied().enumerate() {
+            let [sigma, rate, second, _] = self.spline.in_piece(step, 0.0).1;
+            knots.push((time_s, [sigma, rate * x.sqrt(), second * x + rate * u / step_s]));
+            let takes = GAUSS.map(|[part, weight]| weight / (x + part * (2.0 * u + part * w)).sqrt());
+            time_s += step_s * takes.iter().sum::<f64>();
+        }
+        time_s
+    }
+}
+
+/// The shortest motion near one whose accelerations change within a window of time; `None` where none is found.
+///
+/// `near` may exceed limits itself. `paces` tells by how many times longer each piece of a motion must take to keep them.
+pub(super) fn shortest<P: GeometricPath>(
+    path: &P,
+    bounds: &PlatformBounds,
+    near: &Progress,
+    window_s: f64,
+    paces: impl Fn(&Progress) -> Vec<f64>,
+) -> Option<Progress> {
+    let (joints, rests_s) = (path.breaks(), near.rests_s());
+    // As many as the window asks for, and more where the way itself does.
+    let windows = near.duration_s() / window_s;
+    let [least, most] = IN_A_WINDOW.map(|steps| steps * windows);
+    let asked = (AT_A_JOINT * joints.len() as f64).clamp(least, most);
+    if asked > MOST_STEPS {
+        return None;
+    }
+    let span = |rests_s: &[f64]| {
+        let part = (rests_s[1] - rests_s[0]) / near.duration_s();
+        let steps = ((part * asked) as usize).max(LEAST_STEPS);
+        let spline = near.spline([rests_s[0], rests_s[1]], steps)?;
+        let scene = Scene::new(path, bounds, &spline, &joints);
+        let states = vec![[scene.even(), 0.0, 0.0]; steps];
+        Some(Span { spline, scene, states })
+    };
+    let mut spans = rests_s.windows(2).map(span).collect::<Option<Vec<Span>>>()?;
+    let mut best: Option<Progress> = None;
+    let (mut gap, mut most) = (GAP, 1.0);
+    for _ in 0..ROUNDS {
+        let (mut knots, mut time_s) = (Vec::new(), 0.0);
+        for Span { scene, states, .. } in &mut spans {
+            // Slower as a whole, so that it is within the limits as they are now.
+            let factor = (most * WITHIN).powi(-2);
+            states.as_flattened_mut().iter_mut().for_each(|part| *part *= factor);
+            scene.solve(states, gap);
+        }
+        for span in &spans {
+            time_s = span.push_knots(time_s, &mut knots);
+        }
+        knots.push((time_s, [path.length(), 0.0, 0.0]));
+        let mut found = Progress::through(&knots);
+        let paces = paces(&found);
+        most = paces.iter().copied().fold(1.0, f64::max);
+        found.stretch(most);
+        if best.as_ref().is_none_or(|best| found.duration_s() < best.duration_s()) {
+            best = Some(found);
+        }
+        if most <= 1.0 + NEAR {
+            break;
+        }
+        let mut of_steps = paces.chunks(PARTS).map(|paces| paces.iter().copied().fold(1.0, f64::max));
+        for Span { scene, states, .. } in &mut spans {
+            for (step, pace) in (&mut of_steps).take(states.len()).enumerate() {
+                scene.lower(step, pace);
+            }
+        }
+        gap = GAP_AGAIN;
+    }
+    best
+}
