@@ -134,7 +134,7 @@ impl Device<'_> {
         let (bit, bits, kind) = match written.byte {
             Some(byte) => {
                 let room = length_with_padding(pdos, index, subindex);
-                let (at, bits, kind) = self.from_byte(byte, written, room, &setting)?;
+                let (at, bits, kind) = self.at_byte(byte, written, room, &setting)?;
                 (first + at, bits, kind)
             }
             None => self.in_object(first, length, written, &setting)?,
@@ -192,7 +192,7 @@ impl Device<'_> {
 
     /// A number that begins at a byte of an object, or one bit of that byte; `room` is how many bits belong to the
     /// object. Its first bit in the object, how many they are, and their type.
-    fn from_byte(
+    fn at_byte(
         &mut self,
         byte: u8,
         written: &Written<'_>,

@@ -14,7 +14,7 @@ pub(crate) struct RecordedBytes {
 
 impl RecordedBytes {
     fn all(length: usize) -> Self {
-        RecordedBytes { parts: vec![0..length] }
+        RecordedBytes { parts: std::iter::once(0..length).collect() }
     }
 
     /// Those in which a signal has a bit.
