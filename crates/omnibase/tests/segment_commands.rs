@@ -150,6 +150,7 @@ fn exchange_cycles_three_sgdv_with_clocks_and_without_forbidden_commands() {
         "cycles",
         "damage",
         "lost_frames",
+        "not_operational",
         "working_counter_errors",
         "frames_per_cycle",
         "round_trip_ns",

@@ -91,7 +91,7 @@ pub struct Arguments {
     #[command(flatten)]
     recording: recording::RecordingChoice,
     /// Keep the last seconds of frames, and write them into this pcapng file when something goes wrong: a lost frame, a working
-    /// counter that falls, an AL error, a run that ends early. Later ones are called x-2.pcapng and so on.
+    /// counter that falls, an AL error, a fault of the robot, a run that ends early. Later ones are called x-2.pcapng and so on.
     #[arg(long, value_name = "FILE")]
     frames: Option<PathBuf>,
     /// How many seconds --frames keeps.
@@ -160,7 +160,8 @@ pub fn run(
     }
     let mut page = arguments.page(files.as_ref())?;
     let (recorder, recording) = arguments.recorder(&robot, &room, known, files, page.as_ref())?.unzip();
-    let fault = frames.as_ref().map(LastFrames::told).unwrap_or_default();
+    // Without people a fault ends the run, and its end is told with the last frame there is.
+    let fault = frames.as_ref().filter(|_| is_operated).map(LastFrames::told).unwrap_or_default();
     let progress = Progress { fault, ..Progress::default() };
     let describer = recorder.as_ref().map(RunRecorder::describer);
     // Its thread starts before this one asks for a higher priority.

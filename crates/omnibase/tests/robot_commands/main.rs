@@ -78,6 +78,16 @@ fn the_frames_of_what_went_wrong_are_kept() {
     let counters = &of_inputs.unwrap()["counters"];
     let [whole, broken] = ["3", "1"].map(|counter| number(&counters[counter]));
     assert!((900.0..1100.0).contains(&whole) && (900.0..1100.0).contains(&broken), "{counters}");
+    // Frames tell nothing of a drive's fault: the run does, at its end, behind its recording.
+    let event = "\n[[simulation.event]]\nkind = \"drive_fault\"\nat_s = 2.0\ndrive = \"wheel_1\"\nerror_code = 0x7500\n";
+    let robot = folder.file("fault.toml", &(bmm() + event));
+    for number in 0..4 {
+        let [kept, recording] = ["pcapng", "mcap"].map(|end| folder.path(&format!("fault-{number}.{end}")));
+        let more = ["--frames", &kept, "--frames-s", "1", "--record", &recording];
+        let (code, said) = refused(&[&["run", &robot], &CIRCLE[2..], &more].concat());
+        assert_eq!(code, Some(1), "{said}");
+        assert!(said.contains(&format!("--frames: {kept}: the run told so")), "{said}");
+    }
 }
 
 #[test]
