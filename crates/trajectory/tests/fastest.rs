@@ -541,3 +541,32 @@ fn what_the_limits_dont_leave_is_refused_with_what_they_do() {
         assert!(FastestTrajectory::passing(line(3.0), passing(0.0, speed_m_s), &bounds).is_err());
     }
 }
+
+/// However small the jerk, at its rests least of all.
+#[test]
+fn a_motion_never_goes_back() {
+    let circle =
+        ShapePath { shape: Shape::Circle { radius_m: 0.8 }, heading: Heading::FollowsTangent, turns: 0.7 };
+    let ways: [Box<dyn GeometricPath>; 3] = [
+        Box::new(line(3.0)),
+        Box::new(circle),
+        Box::new(PiecewisePath::through(&square(), JOINING).unwrap()),
+    ];
+    for (number, way) in ways.iter().enumerate() {
+        for jerk_m_s3 in [40.0, 10.0, 2.0] {
+            let mut bounds = with_wheels();
+            bounds.limits = Limits { jerk_m_s3, angular_jerk_rad_s3: 4.0 * jerk_m_s3, ..bounds.limits };
+            let motion = FastestTrajectory::new(way, &bounds).unwrap();
+            let duration_s = motion.duration_s();
+            let times = (0..=100_000).map(|at| duration_s * f64::from(at) / 100_000.0);
+            // Of both ends every microsecond of the first and last hundredth.
+            let ends = (0..10_000).flat_map(|at| {
+                let time_s = 0.01 * f64::from(at) / 10_000.0;
+                [time_s, duration_s - time_s]
+            });
+            let least =
+                times.chain(ends).map(|time_s| motion.progress(time_s)[1]).fold(f64::INFINITY, f64::min);
+            assert!(least >= 0.0, "way {number}, {jerk_m_s3} m/s³: {least}");
+        }
+    }
+}
