@@ -100,8 +100,8 @@ pub struct Filter {
     first: u64,
     /// What is told, and the last epoch in it.
     told: (Knowledge, u64),
-    /// What is computed again, and the last epoch in it.
-    again: Option<(Knowledge, u64)>,
+    /// The last epoch that was computed again; what is known after it stands with the others.
+    again: Option<u64>,
     /// The first epoch into which something came late.
     late_from: Option<u64>,
     now_ns: u64,
@@ -235,7 +235,7 @@ impl Filter {
             self.left_out += 1;
             return false;
         }
-        let passed = self.again.map_or(self.told.1, |(_, passed)| passed);
+        let passed = self.again.unwrap_or(self.told.1);
         if number <= passed {
             self.late_from = Some(self.late_from.map_or(number, |from| from.min(number)));
         }
@@ -317,12 +317,11 @@ impl Filter {
     fn work(&mut self) {
         // The new one first: what is told keeps up.
         if self.told.1 + 1 < self.open {
-            let number = self.told.1 + 1;
-            let mut known = self.told.0;
-            self.pass(number, &mut known);
-            self.told = (known, number);
+            self.told.1 += 1;
+            let at = (self.told.1 % KEPT) as usize;
+            self.epochs[at].pass(&self.settings, &self.sensors, &mut self.told.0);
             if self.again.is_none() {
-                self.known_after[(number % KEPT) as usize] = known;
+                self.known_after[at] = self.told.0;
             }
         }
         for _ in 0..PASSED_PER_CYCLE {
@@ -334,24 +333,22 @@ impl Filter {
         if self.again.is_none()
             && let Some(from) = self.late_from.take()
         {
-            let from = from.max(self.first) - 1;
-            self.again = Some((self.known_after[(from % KEPT) as usize], from));
+            self.again = Some(from.max(self.first) - 1);
         }
-        let Some((mut known, passed)) = self.again else { return };
+        let Some(passed) = self.again else { return };
         let number = passed + 1;
         if number < self.open {
-            self.pass(number, &mut known);
-            self.known_after[(number % KEPT) as usize] = known;
-            self.again = Some((known, number));
+            // In place: what is known is large.
+            let at = (number % KEPT) as usize;
+            self.known_after[at] = self.known_after[(passed % KEPT) as usize];
+            self.epochs[at].pass(&self.settings, &self.sensors, &mut self.known_after[at]);
+            self.again = Some(number);
         }
         if number + 1 >= self.open {
-            self.told = (known, number.min(self.open - 1));
+            let last = number.min(self.open - 1);
+            self.told = (self.known_after[(last % KEPT) as usize], last);
             self.again = None;
         }
-    }
-
-    fn pass(&self, number: u64, known: &mut Knowledge) {
-        self.epochs[(number % KEPT) as usize].pass(&self.settings, &self.sensors, known);
     }
 
     /// All of it at once.
