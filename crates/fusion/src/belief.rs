@@ -88,7 +88,8 @@ pub struct Belief {
 #[derive(Clone, Copy, Debug)]
 pub struct Innovation<const M: usize> {
     difference: SVector<f64, M>,
-    gain: [[f64; STATES]; M],
+    /// S⁻¹.
+    inverse: SMatrix<f64, M, M>,
     carried: [[f64; STATES]; M],
     /// ν'·S⁻¹·ν: chi² with M degrees of freedom where all is as believed.
     pub nis: f64,
@@ -299,26 +300,27 @@ impl Belief {
         let inverse = Cholesky::new(expected)?.inverse();
         let difference = SVector::from(difference);
         let nis = difference.dot(&(inverse * difference));
-        let mut gain = [[0.0; STATES]; M];
-        for (m, gain) in gain.iter_mut().enumerate() {
+        nis.is_finite().then_some(Innovation { difference, inverse, carried, nis, expected: variances })
+    }
+
+    /// Takes it in.
+    pub fn correct<const M: usize>(&mut self, innovation: &Innovation<M>) {
+        let Innovation { difference, inverse, carried, .. } = innovation;
+        let mut gains = [[0.0; STATES]; M];
+        for (m, gain) in gains.iter_mut().enumerate() {
             for (other, carried) in carried.iter().enumerate() {
                 for (sum, value) in gain.iter_mut().zip(carried) {
                     *sum += inverse[(m, other)] * value;
                 }
             }
         }
-        nis.is_finite().then_some(Innovation { difference, gain, carried, nis, expected: variances })
-    }
-
-    /// Takes it in.
-    pub fn correct<const M: usize>(&mut self, innovation: &Innovation<M>) {
         let mut change = [0.0; STATES];
-        for (m, difference) in innovation.difference.iter().enumerate() {
-            for (sum, gain) in change.iter_mut().zip(&innovation.gain[m]) {
+        for (gain, difference) in gains.iter().zip(difference.iter()) {
+            for (sum, gain) in change.iter_mut().zip(gain) {
                 *sum += gain * difference;
             }
         }
-        for (gain, carried) in innovation.gain.iter().zip(&innovation.carried) {
+        for (gain, carried) in gains.iter().zip(carried) {
             for (row, gain) in self.covariance.iter_mut().zip(gain) {
                 for (value, carried) in row.iter_mut().zip(carried) {
                     *value -= gain * carried;
