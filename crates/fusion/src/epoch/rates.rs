@@ -317,7 +317,7 @@ impl Rates<'_> {
         });
         let noise = own + self.of_means(&rows, later_s, &own);
         let difference = std::array::from_fn(|n| said[n] - expected[n]);
-        let innovation = belief.innovation::<M>(difference, &std::array::from_fn(|n| rows[n]), &noise);
+        let innovation = rows.first_chunk().and_then(|rows| belief.innovation::<M>(difference, rows, &noise));
         (innovation, expected)
     }
 }
