@@ -42,6 +42,8 @@ pub const DL_CONTROL_PORTS: u16 = 0x0101;
 pub const DL_CONTROL_ALIAS: u16 = 0x0103;
 /// DL status (16 bits): bit 0 PDI operational, bit 1 PDI watchdog runs, bit 4+n link at port n, bits 8+2n loop closed, 9+2n communication.
 pub const DL_STATUS: u16 = 0x0110;
+/// DL status: the PDI watchdog runs.
+pub const PDI_WATCHDOG_RUNS: u16 = 1 << 1;
 /// AL control (16 bits).
 pub const AL_CONTROL: u16 = 0x0120;
 /// AL status (16 bits), followed by 0x0134.

@@ -58,7 +58,7 @@ pub use guard_tables::*;
 pub use joystick::*;
 pub use map_tables::*;
 pub use mapping::{MapEntry, MapError, PdoPlan, parse_map, parse_object};
-pub(crate) use mapping::{find as find_object, is_mapped, length_with_padding};
+pub(crate) use mapping::{find as find_object, has_padding, is_mapped, length_with_padding};
 pub use plan::*;
 pub use problem::{Location, Problem, ProblemKind};
 pub use reference_table::*;

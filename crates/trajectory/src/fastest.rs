@@ -167,9 +167,7 @@ impl Start {
             reached.solve(&grid.intervals, &grid.most, &self.acceleration, [0.0, 0.0])?;
         }
     }
-}
 
-impl Start {
     /// How long the motion takes without regard to jerk, s.
     fn lasts_s(&self) -> f64 {
         (0..self.grid.intervals.len()).map(|at| self.grid.lasts_s(&self.reached, at)).sum()

@@ -1,7 +1,7 @@
 //! The signals of a SubDevice that drives no wheel: where each stands in its process data, and its number.
 
 use super::devices::Device;
-use crate::config::{find_object as find, length_with_padding, *};
+use crate::config::{find_object as find, has_padding, length_with_padding, *};
 use crate::registry::PeripheralDefaults;
 use crate::signals::column_name;
 
@@ -72,14 +72,7 @@ impl Device<'_> {
         coding: &Coding,
         pdos: &[PdoPlan],
     ) -> Option<()> {
-        let end = coding.bit + u32::from(coding.bits);
-        let mut at = 0;
-        let mut in_padding = pdos.iter().flat_map(|pdo| &pdo.entries).filter(|entry| {
-            let begin = at;
-            at += u32::from(entry.bits);
-            entry.index == 0 && begin < end && coding.bit < at
-        });
-        if value.is_none() || in_padding.next().is_none() {
+        if value.is_none() || !has_padding(pdos, coding.bit_range()) {
             return Some(());
         }
         let reason = "it stands in padding, which a simulated SubDevice leaves at 0";
@@ -233,8 +226,7 @@ impl Device<'_> {
 
     /// Two that are written to the same bits would each undo the other.
     pub(super) fn own_bits_each(&mut self, output: &[OutputPlan]) {
-        let bits =
-            |one: &OutputPlan| one.coding.map(|coding| coding.bit..coding.bit + u32::from(coding.bits));
+        let bits = |one: &OutputPlan| one.coding.map(|coding| coding.bit_range());
         for (n, one) in output.iter().enumerate() {
             let Some(own) = bits(one) else { continue };
             let before = output[..n].iter().find(|other| {

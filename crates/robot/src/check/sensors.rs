@@ -6,7 +6,7 @@ use omnibase_platform::Pose2;
 use super::Check;
 use crate::config::{
     Coding, DevicePlan, InputOwner, ProblemKind, SensorName, SensorPlan, SensorTable, SimulatedSensorTable,
-    SourcePlan, nearest,
+    SourcePlan, has_padding, nearest,
 };
 use crate::signals::SignalLayout;
 
@@ -97,9 +97,9 @@ pub(super) fn simulated(
         let (kind, reason) = match found {
             None => (ProblemKind::UnknownName, "no `[[sensor]]` has this name"),
             Some(SensorPlan { from: InputOwner::Device(device), inputs, .. })
-                if !is_coded(devices, *device, inputs) =>
+                if !is_in_objects(devices, *device, inputs) =>
             {
-                let reason = "the SubDevice's kind reads it in a way of its own, which the simulated robot doesn't know";
+                let reason = "it stands in padding, or the SubDevice's kind reads it in a way of its own: the simulated robot can't say it";
                 (ProblemKind::Contradiction, reason)
             }
             Some(SensorPlan { from: InputOwner::Device(_), .. }) if table.clock_drift_ppm.is_some() => {
@@ -121,14 +121,16 @@ pub(super) fn simulated(
     }
 }
 
-/// Whether it is known how all inputs of a sensor stand in the process data of its SubDevice.
-fn is_coded(devices: &[DevicePlan], owner: usize, inputs: &[usize]) -> bool {
-    let all: Vec<Option<Coding>> = devices
-        .iter()
-        .take(owner + 1)
-        .flat_map(|device| device.input.iter().map(|input| input.coding))
+/// Whether all inputs of a sensor stand in objects of its SubDevice, and it is known how.
+fn is_in_objects(devices: &[DevicePlan], owner: usize, inputs: &[usize]) -> bool {
+    let in_object = |device: &DevicePlan, coding: Option<Coding>| {
+        coding.is_some_and(|coding| !has_padding(&device.inputs, coding.bit_range()))
+    };
+    let devices = devices.iter().take(owner + 1);
+    let all: Vec<bool> = devices
+        .flat_map(|device| device.input.iter().map(move |input| in_object(device, input.coding)))
         .collect();
-    inputs.iter().all(|input| all.get(*input).is_none_or(Option::is_some))
+    inputs.iter().all(|input| all.get(*input).is_none_or(|in_object| *in_object))
 }
 
 /// Keys of other kinds would change nothing.

@@ -147,10 +147,15 @@ impl Coding {
         [ends[0].min(ends[1]), ends[0].max(ends[1])]
     }
 
+    /// Its bits in the process data.
+    pub(crate) fn bit_range(&self) -> Range<u32> {
+        self.bit..self.bit + u32::from(self.bits)
+    }
+
     /// The bytes in which it has a bit.
     pub(crate) fn bytes(&self) -> Range<usize> {
-        let end = self.bit + u32::from(self.bits);
-        self.bit as usize / 8..end.div_ceil(8) as usize
+        let Range { start, end } = self.bit_range();
+        start as usize / 8..end.div_ceil(8) as usize
     }
 
     fn numbers(&self) -> (f64, f64) {

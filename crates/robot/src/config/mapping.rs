@@ -1,6 +1,7 @@
 //! PDO maps as text: `6040:16 60FF:32 pad:8 60C1.1:32`.
 
 use std::fmt;
+use std::ops::Range;
 
 /// One entry of a PDO: an object, or a gap where the index is 0.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -101,6 +102,16 @@ pub(crate) fn length_with_padding(pdos: &[PdoPlan], index: u16, subindex: u8) ->
         Some(pdo.entries[at..=at].iter().chain(padding).map(|entry| u32::from(entry.bits)).sum())
     };
     pdos.iter().find_map(with_rest).unwrap_or(0)
+}
+
+/// Whether padding lies between two bits of the process data, the second excluded.
+pub(crate) fn has_padding(pdos: &[PdoPlan], bits: Range<u32>) -> bool {
+    let mut at = 0;
+    pdos.iter().flat_map(|pdo| &pdo.entries).any(|entry| {
+        let begin = at;
+        at += u32::from(entry.bits);
+        entry.index == 0 && begin < bits.end && bits.start < at
+    })
 }
 
 /// Whether an object lies whole and at a byte in the process data.

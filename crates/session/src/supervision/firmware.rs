@@ -20,8 +20,6 @@ const LOOK_INTERVAL_IN_VAIN: Duration = Duration::from_millis(200);
 const BYTES: usize = 2;
 /// By that its answers are known among others.
 pub(super) const TAG: u64 = 0x0443;
-/// DL status: the PDI watchdog runs.
-const IS_ALIVE: u16 = 1 << 1;
 
 /// What is asked next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,7 +100,7 @@ impl Supervisor {
         let expired = is_there && word >> 8 != 0;
         self.firmware.question = match self.firmware.question {
             Question::Runs(number) => {
-                self.all[number].is_watched = is_there && word & IS_ALIVE != 0;
+                self.all[number].is_watched = is_there && word & register::PDI_WATCHDOG_RUNS != 0;
                 if number + 1 < self.all.len() { Question::Runs(number + 1) } else { Question::Clear }
             }
             // Once more: nobody is judged by what was counted before.
@@ -123,7 +121,7 @@ impl Supervisor {
             Question::IsAlive(number) => {
                 let was_hung = self.all[number].is_hung;
                 if is_there {
-                    self.judge_firmware(number, word & IS_ALIVE != 0, now);
+                    self.judge_firmware(number, word & register::PDI_WATCHDOG_RUNS != 0, now);
                 }
                 match self.hung_from(number + 1) {
                     _ if !was_hung => self.whose(number + 1),

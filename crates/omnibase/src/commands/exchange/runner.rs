@@ -1,7 +1,7 @@
 //! The cycle of `exchange`: to OP, cycle and measure, and back to INIT.
 
 use super::report::Report;
-use crate::progress::{bar, note};
+use crate::progress::{bar, note, warn};
 use crate::target::AnyClock;
 use omnibase_ethercat::ProcessImage;
 use omnibase_ethercat::cyclic::{
@@ -22,9 +22,6 @@ use std::time::Duration;
 const SILENCE: Duration = Duration::from_millis(500);
 /// Cycles that the search for culprits may take.
 const DIAGNOSIS_CYCLES: u32 = 300;
-
-/// DL status (0x0110): the PDI watchdog runs.
-const PDI_WATCHDOG_RUNS: u8 = 1 << 1;
 
 /// Cycles that a look at one SubDevice's counters may take.
 const LOOK_CYCLES: u32 = 20;
@@ -112,9 +109,14 @@ impl Runner {
         // Whatever happened, drives shall not be left in OP.
         let Runner { paced, image, .. } = self;
         let ended = paced.end(|paced| paced.exchange(image).map(drop));
-        // Who hangs is named, and doesn't hear the way to INIT.
-        let is_heard = self.measured.not_operational.is_empty();
-        ran.and(if is_heard { ended.map_err(anyhow::Error::from) } else { Ok(()) })
+        // Who isn't operational is named already, and may not hear the way to INIT.
+        match ended {
+            Err(untold) if !self.measured.not_operational.is_empty() => {
+                warn(format_args!("{untold}"));
+                ran
+            }
+            ended => ran.and(ended.map_err(anyhow::Error::from)),
+        }
     }
 
     /// Everyone is in OP and answering.
@@ -176,7 +178,7 @@ impl Runner {
             };
             let one = &self.subdevices[number];
             let words = format!("SubDevice {} ({}): its firmware ", one.position, one.name);
-            if status[0] & PDI_WATCHDOG_RUNS == 0 {
+            if u16::from(status[0]) & register::PDI_WATCHDOG_RUNS == 0 {
                 self.measured.operational = false;
                 let words = format!(
                     "{words}hangs: its processor is silent for longer than its PDI watchdog (0x0410) allows"

@@ -76,6 +76,12 @@ fn a_sensor_on_the_bus_is_simulated_where_it_is_known_how_its_values_stand_there
     let told = |file: &str, more: &str| show(&of(file, more).expect_err("it isn't as it should be"));
     let drift = told(TRACKED, &(imu.to_owned() + &gyro("bus_imu.turn", "clock_drift_ppm = 20.0\n")));
     assert!(drift.contains("simulation.sensor[2].clock_drift_ppm") && drift.contains("clock"), "{drift}");
+    // An array that goes on in padding, of which a simulated SubDevice says 0.
+    let beyond = imu
+        .replace("6000.1:16\"", "6000.1:16 pad:16\"")
+        .replace("object = \"6000.1\",", "object = \"6000.1\", byte = 2,");
+    let padding = told(TRACKED, &(beyond + &gyro("bus_imu.turn", "")));
+    assert!(padding.contains("it stands in padding"), "{padding}");
     let lift = include_str!("../../../../../robots/bmm_lift.toml");
     let axis = told(lift, &format!("\n[estimator]\nkind = \"fused\"\n{}", gyro("lift.speed", "")));
     assert!(axis.contains("in a way of its own"), "{axis}");
