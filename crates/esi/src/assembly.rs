@@ -8,6 +8,9 @@ use crate::image;
 use crate::model::{Device, InitCommand, Module, Pdo, PdoEntry, SlotIndex, Slots, SmUse, SyncManager};
 use crate::notes::Problem;
 
+/// Transitions whose commands are sent in PRE-OP, and those whose commands are sent in SAFE-OP.
+const SENT: [&[&str]; 2] = [&["IP", "PS"], &["SO"]];
+
 /// The object that is told which modules are configured (ETG.5001).
 pub(crate) const CONFIGURED_MODULES: u16 = 0xF030;
 
@@ -410,7 +413,7 @@ impl<'a> Assembly<'a> {
         }
         doubts.extend(self.no_room());
         doubts.extend(self.too_long());
-        for Command { command, .. } in self.commands().iter().filter(|one| one.is_for_pre_op()) {
+        for Command { command, .. } in self.commands().iter().filter(|one| one.is_sent()) {
             let (line, index) = (command.line, command.index.index);
             if command.data.is_empty() {
                 doubts.push(Doubt::NoData { line, index });
@@ -418,24 +421,42 @@ impl<'a> Assembly<'a> {
                 doubts.push(Doubt::CompleteAccess { line, index, subindex: command.subindex });
             }
         }
-        for Command { command, .. } in self.commands().iter().filter(|one| !one.is_for_pre_op()) {
-            let transitions = command.transitions.join(", ");
-            doubts.push(Doubt::OtherTransition { line: command.line, transitions });
+        for Command { command, .. } in self.commands() {
+            let is_other = |one: &String| !SENT.iter().any(|sent| sent.contains(&one.as_str()));
+            let others: Vec<String> = command.transitions.into_iter().filter(is_other).collect();
+            if !others.is_empty() {
+                let transitions = others.join(", ");
+                doubts.push(Doubt::OtherTransition { line: command.line, transitions });
+            }
         }
         doubts
     }
 }
 
 impl Command {
-    /// Whether it is sent while the device is in PRE-OP on its way up.
+    /// Whether it is sent in PRE-OP on the way up.
     pub fn is_for_pre_op(&self) -> bool {
-        self.command.transitions.iter().any(|transition| transition == "PS" || transition == "IP")
+        self.is_for(SENT[0])
+    }
+
+    /// Whether it is sent in SAFE-OP on the way up.
+    pub fn is_for_safe_op(&self) -> bool {
+        self.is_for(SENT[1])
+    }
+
+    fn is_for(&self, transitions: &[&str]) -> bool {
+        self.command.transitions.iter().any(|one| transitions.contains(&one.as_str()))
+    }
+
+    /// Whether it is sent on the way up at all.
+    fn is_sent(&self) -> bool {
+        self.is_for_pre_op() || self.is_for_safe_op()
     }
 
     /// Whether a robot's file can have it sent as one of a SubDevice's `parameters`.
     pub fn is_parameter(&self) -> bool {
         let InitCommand { complete_access, subindex, data, .. } = &self.command;
-        self.is_for_pre_op() && !data.is_empty() && (!complete_access || *subindex <= 1)
+        self.is_sent() && !data.is_empty() && (!complete_access || *subindex <= 1)
     }
 }
 

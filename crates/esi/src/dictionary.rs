@@ -20,10 +20,8 @@ const ITEM_LIMIT: usize = 512;
 pub struct ObjectRights {
     /// By SDO.
     pub read: bool,
-    /// By SDO.
-    pub write: bool,
-    /// Write in PRE-OP alone.
-    pub write_in_pre_op: bool,
+    /// In PRE-OP, SAFE-OP and OP: whether it may be written there.
+    pub write_in: [bool; 3],
     /// It may stand in RxPDOs.
     pub rx_pdo: bool,
     /// It may stand in TxPDOs.
@@ -183,6 +181,15 @@ fn item(element: Element, notes: &mut Notes) -> Item {
     item
 }
 
+/// PRE-OP, SAFE-OP and OP, where `PreOP_SafeOP` and the like name some of them (ETG.2000, `WriteRestrictions`).
+fn states_of(text: &str) -> [bool; 3] {
+    let is_named = |state| text.split('_').any(|one| one.eq_ignore_ascii_case(state));
+    match ["PreOP", "SafeOP", "OP"].map(is_named) {
+        [false, false, false] => [true; 3],
+        states => states,
+    }
+}
+
 fn rights(element: Element, notes: &mut Notes) -> ObjectRights {
     let mut rights = ObjectRights { read: true, ..ObjectRights::default() };
     for child in element.children() {
@@ -191,8 +198,11 @@ fn rights(element: Element, notes: &mut Notes) -> ObjectRights {
                 child.attributes(&["WriteRestrictions"], notes);
                 let access = child.text();
                 rights.read = access != "wo";
-                rights.write = access != "ro";
-                rights.write_in_pre_op = child.attribute("WriteRestrictions") == Some("PreOP");
+                rights.write_in = match child.attribute("WriteRestrictions") {
+                    _ if access == "ro" => [false; 3],
+                    Some(states) => states_of(states),
+                    None => [true; 3],
+                };
             }
             "PdoMapping" => {
                 let mapping = child.text().to_ascii_uppercase();

@@ -179,7 +179,7 @@ impl fmt::Display for Doubt {
             ),
             Doubt::OtherTransition { line, transitions } => write!(
                 f,
-                "the command of line {line} is for {transitions}: it isn't sent, for commands are sent in PRE-OP (IP, PS)"
+                "the command of line {line} is for {transitions}: there it isn't sent, for commands are sent on the way up, in PRE-OP (IP, PS) and SAFE-OP (SO), and on the way down nothing waits for a mailbox"
             ),
         }
     }

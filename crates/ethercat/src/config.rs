@@ -192,6 +192,8 @@ pub struct SubDeviceConfig {
     pub presence: Presence,
     /// SDOs sent in PRE-OP before the mapping, in order.
     pub sdos: Vec<SdoWrite>,
+    /// SDOs sent in SAFE-OP, with SYNC armed and process data flowing, before OP is asked; in order.
+    pub safe_op_sdos: Vec<SdoWrite>,
     /// PDO map; empty keeps what the device has.
     pub pdos: Vec<SyncManagerPdos>,
     /// Its process data share no byte with those of others, also where its FMMUs map bits.

@@ -453,6 +453,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
             let state =
                 |state| StartUpStep::State { state, timeout: own.of(state).unwrap_or(timeouts.of(state)) };
             steps.push(state(AlState::SafeOp));
+            steps.extend(subdevice.config.safe_op_sdos.iter().cloned().map(StartUpStep::Sdo));
             for index in subdevice.sync_managers.iter().filter_map(SyncManager::op_only) {
                 let register = register::SM + register::SM_SIZE * u16::from(index) + ACTIVATE;
                 steps.push(registers("switching a SyncManager on", register, &[1]));

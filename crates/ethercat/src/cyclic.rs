@@ -449,6 +449,7 @@ impl<L: Link> CyclicBus<L> {
             members: &self.members,
             clock_use: self.plan.clock,
             batch: &mut self.batch,
+            acyclic: &mut self.acyclic,
             status: self.status,
             clock: self.clock.last(),
             cycle: self.cycle,
@@ -487,6 +488,7 @@ impl<L: Link> CyclicBus<L> {
     /// Outputs must be valid from here on: SubDevices see them from SAFE-OP.
     pub fn request(&mut self, goal: Goal, options: TransitionOptions, now: HostTime) {
         self.batch.begin(1);
+        self.acyclic.end_writing();
         self.diagnosis.reset(&mut self.exchanger.frames[..self.planned]);
         self.lead_on();
         self.phase = if self.members.is_empty() {

@@ -179,7 +179,9 @@ impl<L: Link, C: Clock> PacedBus<L, C> {
         loop {
             match self.bus.transition() {
                 TransitionStatus::Reached(_) => return Ok(true),
-                TransitionStatus::Failed(error) => return Err(ReachError::Transition { goal, error }),
+                TransitionStatus::Failed(error) => {
+                    return Err(ReachError::Transition { goal, error: error.clone() });
+                }
                 TransitionStatus::Standby => return Ok(false),
                 TransitionStatus::Moving { .. } => {}
             }

@@ -199,7 +199,7 @@ impl Supervisor {
 
     /// One step after an exchange at `now`.
     pub fn after<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
-        if bus.transition() != TransitionStatus::Reached(Goal::Op) {
+        if *bus.transition() != TransitionStatus::Reached(Goal::Op) {
             return;
         }
         self.listen(bus, now);

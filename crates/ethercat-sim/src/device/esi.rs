@@ -198,19 +198,26 @@ fn entry(entry: &OdEntry) -> Entry {
 }
 
 fn access(rights: &ObjectRights) -> Access {
-    let write = if rights.write_in_pre_op { Access(0x08) } else { Access::WRITE };
+    let [pre_op, safe_op, op] = rights.write_in;
     let all = [
         (rights.read, Access::READ),
-        (rights.write, write),
+        (pre_op, Access::WRITE_PRE_OP),
+        (safe_op, Access::WRITE_SAFE_OP),
+        (op, Access::WRITE_OP),
         (rights.rx_pdo, Access::RX_PDO),
         (rights.tx_pdo, Access::TX_PDO),
     ];
     all.iter().filter(|(there, _)| *there).fold(Access::NONE, |access, (_, bits)| access | *bits)
 }
 
-/// A device takes what its maker has it told, also where the file's dictionary doesn't have the object.
-fn make_room(command: &Command, objects: &mut Vec<Object>) {
-    let command = &command.command;
+/// A device takes what its maker has it told, also where the file's dictionary doesn't have the object; what is for SAFE-OP
+/// there alone.
+fn make_room(one: &Command, objects: &mut Vec<Object>) {
+    let command = &one.command;
+    let rights = match one.is_for_safe_op() && !one.is_for_pre_op() {
+        true => Access::READ | Access::WRITE_SAFE_OP,
+        false => Access::READ_WRITE,
+    };
     if command.complete_access {
         let address = ObjectAddress::new(command.index.index, command.subindex);
         return simple::add_objects(objects, &simple::entries_of_whole(address, &command.data));
@@ -225,7 +232,7 @@ fn make_room(command: &Command, objects: &mut Vec<Object>) {
     let value = if data_type.has_variable_length() { Vec::new() } else { vec![0; bytes] };
     let name =
         if command.comment.is_empty() { "Told at the start".to_owned() } else { command.comment.clone() };
-    let entry = Entry::new(command.subindex, name.clone(), data_type, value).with_access(Access::READ_WRITE);
+    let entry = Entry::new(command.subindex, name.clone(), data_type, value).with_access(rights);
     let entry = if data_type.has_variable_length() { entry.with_capacity(bytes) } else { entry };
     let index = command.index.index;
     if let Some(known) = objects.iter_mut().find(|object| object.index == index) {

@@ -13,6 +13,12 @@ impl Access {
     pub const NONE: Access = Access(0);
     /// Read in every state.
     pub const READ: Access = Access(0x07);
+    /// Write in PRE-OP.
+    pub const WRITE_PRE_OP: Access = Access(0x08);
+    /// Write in SAFE-OP.
+    pub const WRITE_SAFE_OP: Access = Access(0x10);
+    /// Write in OP.
+    pub const WRITE_OP: Access = Access(0x20);
     /// Write in every state.
     pub const WRITE: Access = Access(0x38);
     /// Read and write in every state.

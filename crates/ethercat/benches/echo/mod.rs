@@ -181,7 +181,7 @@ pub fn operational<L: Link>(
     bus.request(Goal::Op, TransitionOptions::default(), HostTime(0));
     for cycle in 1..10_000 {
         bus.exchange(&mut image, HostTime(cycle * 1_000_000)).unwrap();
-        if bus.transition() == TransitionStatus::Reached(Goal::Op) {
+        if *bus.transition() == TransitionStatus::Reached(Goal::Op) {
             return (bus, image);
         }
     }

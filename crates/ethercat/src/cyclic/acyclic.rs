@@ -1,6 +1,7 @@
 //! Work beside the cycle: mailbox requests and register accesses, one datagram a cycle.
 
 mod request;
+mod safe_op_writer;
 
 use alloc::collections::VecDeque;
 use alloc::vec::Vec;
@@ -10,12 +11,14 @@ use crate::found::Found;
 use crate::image::Turn;
 use crate::mailbox::{Mailbox, MailboxError, ReceivedEmergency};
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
+use crate::start_up::StartUpError;
 use crate::subdevice::SubDevice;
 use crate::wire::{Address, Command, HostTime};
 
 pub use request::{AcyclicCompletion, AcyclicError, AcyclicRequest, AcyclicWork, RegisterAccess};
 
 use super::recovery::{Comeback, Observed, Recovery, RecoveryError, Surroundings};
+use safe_op_writer::SafeOpWriter;
 
 /// Requests that may be queued, in work, or waiting to be taken, together.
 pub const CAPACITY: usize = 64;
@@ -48,6 +51,8 @@ struct Lane {
     /// Tag of the mailbox request in hand.
     tag: Option<u64>,
     register: Option<RegisterJob>,
+    /// Its SDOs for SAFE-OP; has the mailbox while they are written.
+    writer: Option<SafeOpWriter>,
     /// Its way back, where one was prepared; has the mailbox while it is under way.
     recovery: Option<Recovery>,
     /// Where it hangs, as far as that is known.
@@ -56,7 +61,17 @@ struct Lane {
 
 impl Lane {
     fn is_busy(&self) -> bool {
-        self.tag.is_some() || self.register.is_some() || self.is_recovering()
+        self.tag.is_some() || self.register.is_some() || self.is_recovering() || self.has_to_write()
+    }
+
+    /// Whether SDOs for SAFE-OP are waiting or on their way.
+    fn has_to_write(&self) -> bool {
+        self.writer.as_ref().is_some_and(SafeOpWriter::is_due)
+    }
+
+    /// Its SDOs for SAFE-OP, while they are written.
+    fn writing(&mut self) -> Option<&mut SafeOpWriter> {
+        self.writer.as_mut().filter(|writer| writer.is_writing())
     }
 
     fn is_recovering(&self) -> bool {
@@ -76,6 +91,8 @@ pub(super) struct Acyclic {
     queue: VecDeque<AcyclicRequest>,
     finished: VecDeque<AcyclicCompletion>,
     recovered: VecDeque<(u16, Result<Comeback, RecoveryError>)>,
+    /// The first SDO for SAFE-OP that couldn't be written.
+    unwritten: Option<StartUpError>,
     /// Positions with work in hand, served in turn.
     active: VecDeque<u16>,
     /// Position whose datagram is in this cycle's frame.
@@ -95,6 +112,7 @@ impl Acyclic {
                 mailbox,
                 tag: None,
                 register: None,
+                writer: None,
                 recovery: None,
                 parent: None,
             })
@@ -104,6 +122,7 @@ impl Acyclic {
             queue: VecDeque::with_capacity(CAPACITY),
             finished: VecDeque::with_capacity(CAPACITY),
             recovered: VecDeque::with_capacity(lanes.len()),
+            unwritten: None,
             lanes,
             in_flight: None,
             longest,
@@ -128,11 +147,46 @@ impl Acyclic {
         Ok(())
     }
 
-    /// Makes the way back of a SubDevice ready.
-    pub fn prepare_recovery(&mut self, subdevice: &SubDevice, turn: Turn) {
+    /// Makes ready what is done for one SubDevice alone.
+    pub fn prepare(&mut self, subdevice: &SubDevice, turn: Turn) {
         if let Some(lane) = self.lanes.get_mut(usize::from(subdevice.position)) {
+            lane.writer = SafeOpWriter::new(subdevice);
             lane.recovery = Some(Recovery::new(subdevice, turn));
             lane.parent = subdevice.parent.map(|parent| parent.position);
+        }
+    }
+
+    /// Has the SDOs for SAFE-OP written, by each mailbox when it has done what it has in hand.
+    pub fn begin_writing(&mut self) {
+        self.unwritten = None;
+        for lane in &mut self.lanes {
+            let Some(writer) = lane.writer.as_mut() else { continue };
+            writer.ask();
+            if !self.active.contains(&lane.position) {
+                self.active.push_back(lane.position);
+            }
+        }
+    }
+
+    /// What became of the SDOs for SAFE-OP; `None` while they are on their way.
+    pub fn written(&mut self) -> Option<Result<(), StartUpError>> {
+        if let Some(error) = self.unwritten.take() {
+            self.end_writing();
+            return Some(Err(error));
+        }
+        (!self.lanes.iter().any(Lane::has_to_write)).then_some(Ok(()))
+    }
+
+    /// No more SDOs for SAFE-OP are written: one that is on its way is given up.
+    pub fn end_writing(&mut self) {
+        for lane in &mut self.lanes {
+            let Some(writer) = lane.writer.as_mut().filter(|writer| writer.is_due()) else { continue };
+            if let Some(mut mailbox) = writer.end() {
+                mailbox.cancel();
+                // Nobody waits for what it was doing.
+                let _ = mailbox.next(HostTime(0));
+                lane.mailbox = Some(mailbox);
+            }
         }
     }
 
@@ -142,7 +196,8 @@ impl Acyclic {
         let is_full = self.recovered.len() == self.lanes.len();
         let place = self.place(position);
         let Some(lane) = self.lanes.get_mut(usize::from(position)) else { return false };
-        let Some(recovery) = lane.recovery.as_mut().filter(|one| !is_full && !one.is_under_way()) else {
+        let is_free = !is_full && !lane.has_to_write();
+        let Some(recovery) = lane.recovery.as_mut().filter(|one| is_free && !one.is_under_way()) else {
             return false;
         };
         let mut mailbox = lane.mailbox.take();
@@ -234,7 +289,10 @@ impl Acyclic {
 
     /// Gives the mailboxes back, each with its message counter.
     pub fn into_mailboxes(self) -> impl Iterator<Item = Option<Mailbox>> {
-        let mailbox = |mut lane: Lane| lane.mailbox.or_else(|| lane.recovery.as_mut()?.take_mailbox());
+        let mailbox = |mut lane: Lane| {
+            let on_the_way = lane.recovery.as_mut().and_then(Recovery::take_mailbox);
+            lane.mailbox.or(on_the_way).or_else(|| lane.writer.as_mut()?.end())
+        };
         self.lanes.into_iter().map(mailbox)
     }
 
@@ -362,6 +420,23 @@ impl Acyclic {
                 }
             }
         }
+        if let Some(writer) = &mut lane.writer {
+            // What its mailbox has in hand comes first.
+            if writer.is_due() && !writer.is_writing() && lane.tag.is_none() && lane.register.is_none() {
+                writer.begin(lane.mailbox.take());
+            }
+            if writer.is_writing() {
+                match writer.next(now) {
+                    Next::Send(request) => return (Some(request), true),
+                    Next::WaitUntil(_) => return (None, true),
+                    Next::Done(result) => {
+                        lane.mailbox = writer.end();
+                        self.unwritten = self.unwritten.take().or(result.err());
+                        return (None, false);
+                    }
+                }
+            }
+        }
         if let Some(job) = &lane.register {
             if !job.done && now < job.deadline {
                 return (Some(job.datagram(lane.station)), true);
@@ -384,7 +459,7 @@ impl Acyclic {
                     result: completion.result.map_err(AcyclicError::Mailbox),
                 };
                 self.finished.push_back(completion);
-                (None, false)
+                (None, lane.has_to_write())
             }
         }
     }
@@ -402,6 +477,9 @@ impl Acyclic {
         if let Some(recovery) = lane.recovery.as_ref().filter(|recovery| recovery.is_under_way()) {
             return recovery.fill(data);
         }
+        if let Some(writer) = lane.writer.as_ref().filter(|writer| writer.is_writing()) {
+            return writer.fill(data);
+        }
         match (&lane.register, &lane.mailbox) {
             (Some(job), _) => job.fill(data),
             (None, Some(mailbox)) => mailbox.fill(data),
@@ -418,6 +496,9 @@ impl Acyclic {
         if let Some(recovery) = lane.way_back() {
             recovery.set_seen(seen);
             return recovery.answer(answer, now);
+        }
+        if let Some(writer) = lane.writing() {
+            return writer.answer(answer, now);
         }
         match (&mut lane.register, &mut lane.mailbox) {
             (Some(job), _) => job.answer(answer),

@@ -4,6 +4,7 @@ use core::fmt;
 use core::time::Duration;
 
 use crate::config::DcConfig;
+use crate::start_up::StartUpError;
 use crate::wire::{AlState, AlStatusCode};
 
 /// What a SubDevice was given before it refused.
@@ -59,8 +60,11 @@ impl fmt::Display for Cause {
 }
 
 /// Why a transition between states failed, and where.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum TransitionError {
+    /// An SDO that is for SAFE-OP couldn't be written.
+    #[error("in SAFE-OP, {0}")]
+    Sdo(StartUpError),
     /// A clock stayed too far from the reference.
     #[error(
         "the clock of SubDevice {position} is {difference_ns} ns from the reference after {after:?}, \

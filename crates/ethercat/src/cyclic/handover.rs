@@ -53,7 +53,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
         };
         let plan = ImagePlan::new(&members, clock)?;
         let mut bus = CyclicBus::new(transactor.link, CyclicParts { members, plan, mailboxes });
-        subdevices.iter().for_each(|one| bus.prepare_recovery(one));
+        subdevices.iter().for_each(|one| bus.prepare(one));
         Ok(Handover { bus, clock: transactor.clock, subdevices })
     }
 }

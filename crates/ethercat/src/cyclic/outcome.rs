@@ -62,7 +62,7 @@ pub enum Freshness {
 }
 
 /// Which state the segment is in, as far as this bus brought it there.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub enum TransitionStatus {
     /// PRE-OP or whatever the set-up left; frames go round.
     Standby,

@@ -12,8 +12,8 @@ use crate::wire::{Command, DcTime};
 
 impl<L> CyclicBus<L> {
     /// Where the segment is on its way between states.
-    pub fn transition(&self) -> TransitionStatus {
-        self.phase
+    pub fn transition(&self) -> &TransitionStatus {
+        &self.phase
     }
 
     /// The farthest clock of the last look while clocks are being locked: position and ns.
@@ -180,12 +180,13 @@ impl<L> CyclicBus<L> {
         self.acyclic.poll()
     }
 
-    /// Makes ready what [`CyclicBus::recover`] needs of a SubDevice as set-up left it, in place of what was ready before.
+    /// Makes ready what is done for one SubDevice alone, as set-up left it, in place of what was ready before: its SDOs in
+    /// SAFE-OP, and what [`CyclicBus::recover`] needs.
     ///
     /// [`crate::Bus::into_cyclic`] has done it for all of them. Not for the cycle: it allocates.
-    pub fn prepare_recovery(&mut self, subdevice: &SubDevice) {
+    pub fn prepare(&mut self, subdevice: &SubDevice) {
         let turn = self.plan.turns.get(usize::from(subdevice.position)).copied().unwrap_or_default();
-        self.acyclic.prepare_recovery(subdevice, turn);
+        self.acyclic.prepare(subdevice, turn);
     }
 
     /// Begins to bring one SubDevice back to OP beside the cycle, as its start-up list says; all others go on.

@@ -2,6 +2,7 @@
 
 use core::time::Duration;
 
+use super::acyclic::Acyclic;
 use super::batch::{ATTEMPTS, Access, Batch, Item, ItemState};
 use super::error::{Programmed, TransitionError};
 use super::sync::Sync0;
@@ -95,6 +96,8 @@ pub enum Step {
     Await(AlState),
     /// Waiting for complete exchanges in that state.
     Settle(AlState),
+    /// Writing the SDOs that are for SAFE-OP.
+    Sdos,
 }
 
 /// What a transition can see.
@@ -102,6 +105,7 @@ pub(super) struct View<'a> {
     pub members: &'a [Member],
     pub clock_use: ClockUse,
     pub batch: &'a mut Batch,
+    pub acyclic: &'a mut Acyclic,
     pub status: Option<SegmentStatus>,
     pub clock: Option<DcTime>,
     /// Number of the cycle, and whose process data go in which.
@@ -112,7 +116,7 @@ pub(super) struct View<'a> {
 }
 
 /// How far it is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Progress {
     Going,
     Done,
@@ -207,14 +211,15 @@ impl Transition {
             Step::Await(state) if up => Step::Settle(state),
             Step::Await(AlState::PreOp) => Step::SyncOff,
             Step::Await(_) => return None,
-            Step::Settle(AlState::SafeOp) => Step::OpOnly(0),
+            Step::Settle(AlState::SafeOp) => Step::Sdos,
+            Step::Sdos => Step::OpOnly(0),
             Step::Settle(_) => return None,
         })
     }
 
     fn go_on(&mut self, now: HostTime) -> Option<Progress> {
         let Some(next) = self.following() else {
-            return Some(self.first_error.map_or(Progress::Done, Progress::Failed));
+            return Some(self.first_error.take().map_or(Progress::Done, Progress::Failed));
         };
         self.step = next;
         self.since = now;
@@ -244,6 +249,7 @@ impl Transition {
                 Step::LockClocks => self.lock_clocks(view),
                 Step::Await(state) => self.wait_for(state, view),
                 Step::Settle(state) => self.settle(state, view),
+                Step::Sdos => self.write_sdos(view),
                 _ => self.write(view),
             };
             if let Some(progress) = ended {
@@ -425,7 +431,9 @@ impl Transition {
         if after < self.options.settle_timeout {
             return Some(Progress::Going);
         }
-        if let Some(error) = self.short.filter(|_| !matches!(view.exchange, Exchange::Lost { .. })) {
+        if !matches!(view.exchange, Exchange::Lost { .. })
+            && let Some(error) = self.short.take()
+        {
             // Some SubDevices take outputs in OP only: whether they do is theirs to judge.
             if state == AlState::SafeOp {
                 return self.go_on(view.now);
@@ -437,6 +445,18 @@ impl Transition {
             _ => TransitionError::FramesLost { after },
         };
         self.fail(error, view.now)
+    }
+
+    /// Each SubDevice's mailbox is a way of its own: all write side by side, until the last is done or one fails.
+    fn write_sdos(&mut self, view: &mut View<'_>) -> Option<Progress> {
+        if !self.loaded {
+            view.acyclic.begin_writing();
+            self.loaded = true;
+        }
+        match view.acyclic.written()? {
+            Ok(()) => self.go_on(view.now),
+            Err(error) => self.fail(TransitionError::Sdo(error), view.now),
+        }
     }
 
     /// The longest wait for a SubDevice's state.

@@ -259,7 +259,7 @@ fn another_product_in_the_place_of_a_lost_one_is_refused() {
     runner.segment().inject(2, Fault::PowerOn).unwrap();
     let mut gone = runner.subdevices[2].clone();
     gone.identity.product_code = 7;
-    runner.bus().prepare_recovery(&gone);
+    runner.bus().prepare(&gone);
     assert!(runner.bus().recover(2));
     let expected = (0x0539, 7);
     let error = RecoveryError::OtherProduct { position: 2, expected, found: (0x0539, 0x0220_0001) };

@@ -8,3 +8,4 @@ mod rates;
 mod returns;
 mod ring;
 mod runner;
+mod safe_op;

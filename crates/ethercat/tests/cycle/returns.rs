@@ -98,7 +98,7 @@ fn two_of_one_product_that_are_known_by_alias_and_were_swapped_are_refused() {
     for (position, alias) in [(1, 7), (2, 6)] {
         let mut other = runner.subdevices[position].clone();
         other.config.place = Some(Match::Alias(alias));
-        runner.bus().prepare_recovery(&other);
+        runner.bus().prepare(&other);
         restart(&mut runner, position);
     }
     runner.cycles(5);
@@ -116,7 +116,7 @@ fn the_right_alias_is_taken_back() {
     let mut runner = in_op(servos("alias = 5\ncount = 3"));
     let mut same = runner.subdevices[1].clone();
     same.config.place = Some(Match::Alias(6));
-    runner.bus().prepare_recovery(&same);
+    runner.bus().prepare(&same);
     restart(&mut runner, 1);
     assert_eq!(way_of(&mut runner, 1), Ok(Comeback::Restarted));
 }
@@ -127,7 +127,7 @@ fn another_revision_is_refused() {
     let mut other = runner.subdevices[1].clone();
     let found = other.identity.revision;
     other.identity.revision = found + 1;
-    runner.bus().prepare_recovery(&other);
+    runner.bus().prepare(&other);
     restart(&mut runner, 1);
     let error = RecoveryError::OtherRevision { position: 1, expected: found + 1, found };
     assert_eq!(way_of(&mut runner, 1), Err(error));

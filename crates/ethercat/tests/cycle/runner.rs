@@ -115,7 +115,7 @@ impl Runner {
         let _ = paced.reach(goal, TransitionOptions::default(), &AtomicBool::new(false), |paced| {
             paced.exchange(image).map(drop)
         });
-        self.bus().transition()
+        self.bus().transition().clone()
     }
 
     /// The farthest clock, as the SubDevices' own registers 0x092C show it, ns.

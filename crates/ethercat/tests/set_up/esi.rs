@@ -50,6 +50,7 @@ fn sdo(command: &Command) -> SdoWrite {
 fn config(assembly: &Assembly, found: &SubDevice) -> SubDeviceConfig {
     let commands = assembly.commands();
     let sdos = commands.iter().filter(|one| one.is_for_pre_op()).map(sdo).collect();
+    let safe_op_sdos = commands.iter().filter(|one| one.is_for_safe_op()).map(sdo).collect();
     let speaks_coe = found.sii.header.mailbox_protocols & 4 != 0;
     let mut pdos = Vec::new();
     for (direction, outputs) in [(Direction::Outputs, true), (Direction::Inputs, false)] {
@@ -67,7 +68,7 @@ fn config(assembly: &Assembly, found: &SubDevice) -> SubDeviceConfig {
         let chosen = chosen.iter().map(entries).collect();
         pdos.push(SyncManagerPdos { sync_manager, direction, pdos: chosen, origin: None });
     }
-    SubDeviceConfig { sdos, pdos, ..SubDeviceConfig::default() }
+    SubDeviceConfig { sdos, safe_op_sdos, pdos, ..SubDeviceConfig::default() }
 }
 
 /// The bytes of an SDO as they pass in a frame: index, subindex, then the data, behind their length where they are long.
@@ -98,7 +99,9 @@ fn reach_op(assembly: &Assembly, vendor_id: u32) -> Result<usize, String> {
         }
     }
     let (sent, mut frames, mut seen) = (sent.lock().unwrap(), 0, 0);
-    for command in assembly.commands().iter().filter(|one| one.is_for_pre_op()) {
+    let commands = assembly.commands();
+    let in_safe_op = commands.iter().filter(|one| one.is_for_safe_op());
+    for command in commands.iter().filter(|one| one.is_for_pre_op()).chain(in_safe_op) {
         let bytes = on_the_wire(command);
         // One behind the other, as the file has them.
         let here =
@@ -118,7 +121,7 @@ fn a_made_up_makers_devices_reach_op() {
     let file = made_up();
     let vendor = file.vendor.id.unwrap();
     let alone = |number: usize| Assembly::new(&file.devices[number], Vec::new()).unwrap();
-    assert_eq!(reach_op(&alone(0), vendor), Ok(2));
+    assert_eq!(reach_op(&alone(0), vendor), Ok(3));
     assert_eq!(reach_op(&alone(1), vendor), Ok(0));
     let modules = vec![&file.modules[0], &file.modules[1], &file.modules[0]];
     let with_modules = Assembly::new(&file.devices[2], modules).unwrap();

@@ -4,6 +4,9 @@
 use std::time::Duration;
 
 use omnibase_ethercat::cyclic::Exchange;
+use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
+use omnibase_ethercat::subdevice::SubDevice;
+use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, HostTime};
 use omnibase_ethercat::{Bus, BusOptions, SetUpError};
 use omnibase_ethercat_sim::device::drive::DriveKind;
@@ -100,7 +103,18 @@ fn servos() {
     fire(|| drives(DriveKind::Sgdv, 2));
 }
 
-/// All the way to OP, SYNC0 included; what is spoiled while cycling may end as a named error, but nothing else.
+fn quick_stop_deceleration() -> SdoWrite {
+    SdoWrite {
+        object: ObjectAddress::new(0x6085, 0),
+        data: 1000_u32.to_le_bytes().to_vec(),
+        access: SdoAccess::Entry,
+        refusal: Refusal::IsError,
+        read_back: ReadBack::Compare,
+        origin: None,
+    }
+}
+
+/// All the way to OP, SYNC0 and an SDO in SAFE-OP included; what is spoiled while cycling may end as a named error, but nothing else.
 #[test]
 fn servos_to_op() {
     let run = |injection: Option<Injection>| {
@@ -109,7 +123,12 @@ fn servos_to_op() {
         if let Some(injection) = injection {
             link.inject(injection);
         }
-        let result = to_op(&mut link, clock.clone(), with_sync0).map(|operational| {
+        let configs = |found: &[SubDevice]| {
+            let mut configs = with_sync0(found);
+            configs.iter_mut().for_each(|config| config.safe_op_sdos.push(quick_stop_deceleration()));
+            configs
+        };
+        let result = to_op(&mut link, clock.clone(), configs).map(|operational| {
             assert_eq!(operational.paced.bus().last_exchange(), Exchange::Complete);
             let devices = operational.paced.bus().link().inner().segment().sub_devices();
             let mut states = devices.iter().flat_map(|one| one.esc().peek(0x0130, 1));

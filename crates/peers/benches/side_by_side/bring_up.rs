@@ -22,7 +22,7 @@ fn operational<L: Link>(link: L) -> (CyclicBus<L>, ProcessImage) {
         bus.into_cyclic(ClockDirection::CycleFollowsDc).expect("a plan of frames");
     let mut image = bus.plan().image();
     bus.request(Goal::Op, TransitionOptions::default(), clock.now());
-    while bus.transition() != TransitionStatus::Reached(Goal::Op) {
+    while *bus.transition() != TransitionStatus::Reached(Goal::Op) {
         if let TransitionStatus::Failed(error) = bus.transition() {
             panic!("on the way to OP: {error}");
         }

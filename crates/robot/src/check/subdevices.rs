@@ -171,7 +171,8 @@ pub(super) fn parameter(check: &mut Check, table: &ParameterTable, setting: &str
             return None;
         }
     };
-    Some(ParameterPlan { index, subindex, data, access, read_back, origin })
+    let state = table.state.unwrap_or_default();
+    Some(ParameterPlan { index, subindex, data, access, read_back, state, origin })
 }
 
 /// A parameter's number as it is sent.

@@ -7,6 +7,7 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 
 use super::bus_plan::{BusPlace, BusPlan, DriveWatchdog, Identity, ParameterPlan};
 use super::drive_plan::DrivePlan;
+use super::drive_tables::ParameterState;
 use super::mapping::PdoPlan;
 
 impl DrivePlan {
@@ -28,7 +29,8 @@ impl DrivePlan {
             name: Some(self.name.clone()),
             place: Some(matched(self.place)),
             identity: expected_identity(&self.identity),
-            sdos: self.parameters.iter().map(ParameterPlan::sdo_write).collect(),
+            sdos: sdos(&self.parameters, ParameterState::PreOp),
+            safe_op_sdos: sdos(&self.parameters, ParameterState::SafeOp),
             pdos: vec![
                 sync_manager(2, Direction::Outputs, &self.outputs),
                 sync_manager(3, Direction::Inputs, &self.inputs),
@@ -48,7 +50,7 @@ impl DrivePlan {
 }
 
 impl ParameterPlan {
-    pub(super) fn sdo_write(&self) -> SdoWrite {
+    fn sdo_write(&self) -> SdoWrite {
         SdoWrite {
             object: ObjectAddress::new(self.index, self.subindex),
             data: self.data.clone(),
@@ -58,6 +60,12 @@ impl ParameterPlan {
             origin: Some(self.origin.as_str().into()),
         }
     }
+}
+
+/// The SDOs of a state, in their order.
+pub(super) fn sdos(parameters: &[ParameterPlan], state: ParameterState) -> Vec<SdoWrite> {
+    let of_state = parameters.iter().filter(|parameter| parameter.state == state);
+    of_state.map(ParameterPlan::sdo_write).collect()
 }
 
 /// Where the bus finds a SubDevice.

@@ -3,6 +3,7 @@
 use omnibase_ethercat::config as bus_config;
 use omnibase_ethercat::start_up::{ReadBack, SdoAccess};
 
+use super::drive_tables::ParameterState;
 use super::file::{ClockSource, Synchronisation};
 use super::start_plan::DcPlan;
 
@@ -99,14 +100,16 @@ pub struct ParameterPlan {
     pub access: SdoAccess,
     /// Whether it is read back and compared.
     pub read_back: ReadBack,
+    /// When it is written.
+    pub state: ParameterState,
     /// Where it was asked, as `line 12`.
     pub origin: String,
 }
 
 impl ParameterPlan {
-    /// One entry, read back and compared.
+    /// One entry, written in PRE-OP, read back and compared.
     pub(crate) fn entry((index, subindex): (u16, u8), data: Vec<u8>, origin: String) -> Self {
         let (access, read_back) = (SdoAccess::Entry, ReadBack::Compare);
-        ParameterPlan { index, subindex, data, access, read_back, origin }
+        ParameterPlan { index, subindex, data, access, read_back, state: ParameterState::PreOp, origin }
     }
 }

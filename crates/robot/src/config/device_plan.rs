@@ -6,10 +6,11 @@ use omnibase_ethercat::config as bus_config;
 use omnibase_ethercat::config::Timeouts;
 
 use super::axis_plan::AxisPlan;
-use super::bus_config::{bytes, expected_identity, matched};
+use super::bus_config::{bytes, expected_identity, matched, sdos};
 use super::bus_plan::{BusPlace, BusPlan, DriveWatchdog, Identity, ParameterPlan};
 use super::custom::Parameters;
 use super::device_tables::SignalType;
+use super::drive_tables::ParameterState;
 use super::mapping::PdoPlan;
 use super::recorded_bytes::{self, RecordedBytes};
 use super::source_tables::SourcePlan;
@@ -45,7 +46,7 @@ pub struct DevicePlan {
     pub output: Vec<OutputPlan>,
     /// The axis that its drive moves.
     pub axis: Option<AxisPlan>,
-    /// SDOs in the order in which they are sent.
+    /// SDOs: those of each state in the order in which they are sent.
     pub parameters: Vec<ParameterPlan>,
     /// Its kind reads and writes its signals alone, and nothing else of its process data.
     pub by_signals: bool,
@@ -214,7 +215,8 @@ impl DevicePlan {
             identity: expected_identity(&self.identity),
             presence: self.presence(),
             every: self.every,
-            sdos: self.parameters.iter().map(ParameterPlan::sdo_write).collect(),
+            sdos: sdos(&self.parameters, ParameterState::PreOp),
+            safe_op_sdos: sdos(&self.parameters, ParameterState::SafeOp),
             watchdogs,
             dc: self.dc.map_or(bus_config::DcConfig::Off, |dc| {
                 dc.config(bus.cycle_ns * u64::from(self.every.cycles()))

@@ -50,7 +50,7 @@ pub struct DeviceTable {
     pub output: Vec<OutputTable>,
     /// The axis that its drive moves.
     pub axis: Option<AxisTable>,
-    /// SDOs written in PRE-OP and read back.
+    /// SDOs written at start-up and read back.
     pub parameters: Option<Vec<ParameterTable>>,
     /// The kind's own keys.
     pub custom: Parameters,

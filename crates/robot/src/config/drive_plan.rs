@@ -40,7 +40,7 @@ pub struct DrivePlan {
     pub dc: Option<DcPlan>,
     /// The longest waits for it.
     pub timeouts: Timeouts,
-    /// SDOs in the order in which they are sent.
+    /// SDOs: those of each state in the order in which they are sent.
     pub parameters: Vec<ParameterPlan>,
     /// The device's own keys.
     pub custom: Parameters,

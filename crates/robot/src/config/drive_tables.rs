@@ -68,7 +68,7 @@ pub struct DriveTable {
     pub dc: Option<DcTable>,
     /// The longest waits for it.
     pub timeouts: Option<TimeoutsTable>,
-    /// SDOs written in PRE-OP and read back.
+    /// SDOs written at start-up and read back.
     pub parameters: Option<Vec<ParameterTable>>,
     /// A file of `[[parameter]]` tables, sent before `parameters`.
     pub parameters_file: Option<String>,
@@ -146,6 +146,19 @@ pub struct ParameterTable {
     pub complete_access: Option<bool>,
     /// Whether it is read back and compared; default: `compare`.
     pub read_back: Option<ReadBackChoice>,
+    /// The state in which it is written on the way to OP; default: `pre_op`.
+    pub state: Option<ParameterState>,
+}
+
+/// The state in which a parameter is written on the way to OP.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum ParameterState {
+    /// PRE-OP, before the PDO map: transitions IP and PS of a maker's file.
+    #[default]
+    PreOp,
+    /// SAFE-OP, with SYNC armed and process data flowing, before OP is asked: transition SO.
+    SafeOp,
 }
 
 /// Type of a parameter.

@@ -9,7 +9,7 @@ use omnibase_ethercat::image::{CycleFit, PlanError};
 use omnibase_ethercat::mailbox::MailboxError;
 use omnibase_ethercat::mismatch::Mismatch;
 use omnibase_ethercat::paced::ReachError;
-use omnibase_ethercat::start_up::StartUpFailure;
+use omnibase_ethercat::start_up::{StartUpError, StartUpFailure};
 use omnibase_ethercat::state::{StateError, StateFailure};
 use omnibase_ethercat::wire::{AlState, LinkError};
 
@@ -170,18 +170,20 @@ impl SessionError {
             let is_late = matches!(error.cause, StateFailure::Timeout(_));
             is_late.then(|| of_state(error.requested))
         };
+        let of_start_up = |error: &StartUpError| match &error.cause {
+            StartUpFailure::State { error, .. } => of_change(error),
+            StartUpFailure::Sdo { error, .. } => of_mailbox(error),
+            _ => None,
+        };
         match self {
             SessionError::SetUp(SetUpError::State(error)) => of_change(error),
             SessionError::SetUp(SetUpError::Request { cause, .. }) => of_mailbox(cause),
-            SessionError::SetUp(SetUpError::StartUp(error)) => match &error.cause {
-                StartUpFailure::State { error, .. } => of_change(error),
-                StartUpFailure::Sdo { error, .. } => of_mailbox(error),
+            SessionError::SetUp(SetUpError::StartUp(error)) => of_start_up(error),
+            SessionError::Reach(ReachError::Transition { goal: Goal::Op, error }) => match error {
+                TransitionError::StateTimeout { target, .. } => Some(of_state(*target)),
+                TransitionError::Sdo(error) => of_start_up(error),
                 _ => None,
             },
-            SessionError::Reach(ReachError::Transition {
-                goal: Goal::Op,
-                error: TransitionError::StateTimeout { target, .. },
-            }) => Some(of_state(*target)),
             _ => None,
         }
     }

@@ -3,12 +3,12 @@
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
-use omnibase_ethercat::start_up::SdoAccess;
+use omnibase_ethercat::start_up::{ReadBack, SdoAccess};
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, sii};
 use omnibase_ethercat::{Bus, BusOptions};
 
-use omnibase_robot::config::DrivePlan;
+use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 
 use super::{Guide, SetupError, in_words, is_product, who};
 use crate::record::{FoundDevice, FoundDrive};
@@ -225,7 +225,20 @@ impl<C: Clock> Guide<'_, C> {
                 self.record.found(text);
             }
             let mut differing = Vec::new();
-            for parameter in plan.parameters.clone() {
+            let (to_store, at_each_start): (Vec<_>, Vec<_>) =
+                plan.parameters.iter().cloned().partition(can_be_stored);
+            if !at_each_start.is_empty() {
+                let objects = at_each_start.iter().map(|one| ObjectAddress::new(one.index, one.subindex));
+                let objects: Vec<String> = objects.map(|object| object.to_string()).collect();
+                let text = format!(
+                    "{wheel}: {} can't be compared and stored here (whole objects, commands, what is for SAFE-OP): every start \
+                     writes them",
+                    objects.join(", ")
+                );
+                self.hand.tell(&text);
+                self.record.note(text);
+            }
+            for parameter in to_store {
                 let object = ObjectAddress::new(parameter.index, parameter.subindex);
                 let found = bus.sdo_read(drive.position, object, SdoAccess::Entry).ok();
                 if found.as_ref() == Some(&parameter.data) {
@@ -277,6 +290,13 @@ impl<C: Clock> Guide<'_, C> {
         }
         Ok(true)
     }
+}
+
+/// Whether a drive can be asked for it now, and may keep it.
+fn can_be_stored(parameter: &ParameterPlan) -> bool {
+    parameter.state == ParameterState::PreOp
+        && parameter.access == SdoAccess::Entry
+        && parameter.read_back == ReadBack::Compare
 }
 
 /// Parameters that are written in counts, where the file has them for another wheel than was found.

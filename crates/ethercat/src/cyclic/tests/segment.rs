@@ -234,7 +234,7 @@ impl Bench {
                 break;
             }
         }
-        self.bus.transition()
+        self.bus.transition().clone()
     }
 
     pub fn in_op(count: u16) -> Self {

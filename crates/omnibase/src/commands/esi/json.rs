@@ -87,6 +87,7 @@ fn assembly(assembly: &Assembly) -> Value {
             "source": source,
             "complete_access": one.command.complete_access,
             "sent_in_pre_op": one.is_for_pre_op(),
+            "sent_in_safe_op": one.is_for_safe_op(),
             "is_parameter": one.is_parameter(),
         })
     });

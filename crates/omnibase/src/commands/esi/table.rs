@@ -10,6 +10,8 @@ use std::fmt::Write;
 const DRIVES: u32 = 402;
 /// Signals that are written out of one direction of a device; a robot has room for 64 of all.
 const SIGNALS: usize = 32;
+/// Of a parameter that is written there.
+const SAFE_OP: &str = ", state = \"safe_op\"";
 
 /// The table of a device with its modules: `[[drive]]` where it is one, else `[[device]]`.
 pub fn of(file: &EsiFile, assembly: &Assembly) -> String {
@@ -170,8 +172,12 @@ fn parameters(commands: &[Command], table: &mut RobotTable) {
     if commands.is_empty() {
         return;
     }
-    table.line("parameters = [", "what its maker has written at the start, in PRE-OP");
-    for Command { command, source } in commands {
+    table.line("parameters = [", "what its maker has written at the start");
+    let in_state = |is_in: fn(&Command) -> bool, key| {
+        commands.iter().filter(move |one| is_in(one)).map(move |one| (one, key))
+    };
+    let all = in_state(Command::is_for_pre_op, "").chain(in_state(Command::is_for_safe_op, SAFE_OP));
+    for (Command { command, source }, state) in all {
         let data = &command.data;
         let value = match data.len() {
             _ if command.complete_access => format!("bytes = \"{}\", complete_access = true", hex(data)),
@@ -196,7 +202,7 @@ fn parameters(commands: &[Command], table: &mut RobotTable) {
             if command.line == 0 { String::new() } else { format!(", line {} of the file", command.line) };
         let comment =
             if command.comment.is_empty() { String::new() } else { format!(": {}", command.comment) };
-        let line = format!("  {{ object = \"{object}\", {value} }},");
+        let line = format!("  {{ object = \"{object}\", {value}{state} }},");
         table.line(&line, &format!("{}, {source}{at}{comment}", command.transitions.join(" ")));
     }
     table.line("]", "");

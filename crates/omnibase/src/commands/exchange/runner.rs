@@ -225,7 +225,7 @@ impl Runner {
         let (cycle, gone) = (plan.pace.cycle, AtomicBool::new(false));
         let reached = paced.reach(Goal::Op, TransitionOptions::default(), &gone, |paced| {
             if let TransitionStatus::Moving { step, .. } = paced.bus().transition() {
-                let stage = stage(step);
+                let stage = stage(*step);
                 if shown != stage {
                     note(stage.unwrap_or("preparing SYNC0"));
                     shown = stage;
@@ -351,6 +351,7 @@ fn stage(step: Step) -> Option<&'static str> {
         Step::Ask(AlState::SafeOp) | Step::Await(AlState::SafeOp) | Step::Settle(AlState::SafeOp) => {
             Some("to SAFE-OP")
         }
+        Step::Sdos => Some("writing what is for SAFE-OP"),
         Step::Ask(AlState::Op) | Step::Await(AlState::Op) | Step::Settle(AlState::Op) => Some("to OP"),
         _ => None,
     }

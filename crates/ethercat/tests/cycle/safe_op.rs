@@ -1,0 +1,180 @@
+//! SDOs that are written in SAFE-OP, on the way of all to OP and on the way back of one.
+
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+use std::time::Duration;
+
+use omnibase_ethercat::SubDeviceConfig;
+use omnibase_ethercat::cyclic::{
+    AcyclicRequest, AcyclicWork, ClockDirection, Comeback, Goal, Step, TransitionOptions, TransitionStatus,
+};
+use omnibase_ethercat::mailbox::MailboxRequest;
+use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
+use omnibase_ethercat::wire::coe::ObjectAddress;
+use omnibase_ethercat_sim::{Fault, Segment, SegmentFile};
+
+use crate::runner::{Runner, synchronous};
+
+const SERVOS: u16 = 3;
+/// The maker's file has it written in SAFE-OP, where alone the simulated drive takes it.
+const WARM_UP: ObjectAddress = ObjectAddress { index: 0x2100, subindex: 0 };
+
+fn servos() -> Segment {
+    let text = format!(
+        "[[subdevice]]\nkind = \"esi\"\nesi = \"maker.xml\"\ndevice = \"MU-SERVO\"\ncount = {SERVOS}\n"
+    );
+    let segments = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../segments"));
+    SegmentFile::parse(&text).unwrap().build(segments).unwrap()
+}
+
+fn warm_up() -> SdoWrite {
+    SdoWrite {
+        object: WARM_UP,
+        data: vec![1],
+        access: SdoAccess::Entry,
+        refusal: Refusal::IsError,
+        read_back: ReadBack::Compare,
+        origin: Some("robot.toml line 7".into()),
+    }
+}
+
+fn configs() -> Vec<SubDeviceConfig> {
+    let mut configs = synchronous(SERVOS.into(), Duration::from_millis(1));
+    configs.iter_mut().for_each(|config| config.safe_op_sdos = vec![warm_up()]);
+    configs
+}
+
+fn runner(configs: &[SubDeviceConfig]) -> Runner {
+    Runner::new(servos(), configs, ClockDirection::CycleFollowsDc)
+}
+
+fn ask(runner: &mut Runner, position: u16, object: ObjectAddress) -> Result<(), AcyclicRequest> {
+    let work = AcyclicWork::Mailbox(MailboxRequest::upload(object, Vec::with_capacity(64)));
+    runner.bus().submit(AcyclicRequest { tag: 5, position, work })
+}
+
+/// What the SubDevice has in the object.
+fn read(runner: &mut Runner, position: u16, object: ObjectAddress) -> Vec<u8> {
+    ask(runner, position, object).unwrap();
+    let ended = (0..500).find_map(|_| {
+        runner.cycle();
+        runner.bus().poll_completion()
+    });
+    let ended = ended.expect("it answers");
+    assert_eq!(ended.result, Ok(()));
+    let AcyclicWork::Mailbox(request) = ended.work else { panic!("{:?}", ended.work) };
+    request.data
+}
+
+fn states(runner: &mut Runner) -> Vec<u8> {
+    let devices = runner.segment().sub_devices().iter();
+    devices.map(|device| device.esc().peek(0x0130, 1).unwrap()[0]).collect()
+}
+
+/// Cycles on the way to OP until SDOs are being written.
+fn until_they_are_written(runner: &mut Runner) {
+    let Runner { paced, image, .. } = runner;
+    let there = AtomicBool::new(false);
+    let reached = paced.reach(Goal::Op, TransitionOptions::default(), &there, |paced| {
+        let writes = TransitionStatus::Moving { goal: Goal::Op, step: Step::Sdos };
+        there.store(*paced.bus().transition() == writes, std::sync::atomic::Ordering::Relaxed);
+        paced.exchange(image).map(drop)
+    });
+    assert_eq!(reached, Ok(false));
+}
+
+#[test]
+fn all_are_written_before_op_is_asked() {
+    let mut runner = runner(&configs());
+    until_they_are_written(&mut runner);
+    assert_eq!(states(&mut runner), [4; 3]);
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
+    for position in 0..SERVOS {
+        assert_eq!(read(&mut runner, position, WARM_UP), [1]);
+    }
+}
+
+#[test]
+fn without_any_nothing_is_waited_for() {
+    let mut runner = runner(&synchronous(SERVOS.into(), Duration::from_millis(1)));
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
+    assert_eq!(read(&mut runner, 1, WARM_UP), [0]);
+}
+
+#[test]
+fn one_that_started_anew_is_told_again() {
+    let mut runner = runner(&configs());
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
+    runner.segment().inject(1, Fault::PowerOff).unwrap();
+    runner.segment().inject(1, Fault::PowerOn).unwrap();
+    runner.cycles(5);
+    assert!(runner.bus().recover(1));
+    let ended = (0..20_000).find_map(|_| {
+        runner.cycle();
+        runner.bus().poll_recovered()
+    });
+    assert_eq!(ended, Some((1, Ok(Comeback::Restarted))));
+    assert_eq!(states(&mut runner), [8; 3]);
+    assert_eq!(read(&mut runner, 1, WARM_UP), [1]);
+}
+
+#[test]
+fn one_that_is_refused_is_named_and_nobody_is_in_op() {
+    let mut configs = configs();
+    configs[2].safe_op_sdos[0].object = ObjectAddress::new(0x2F00, 1);
+    let mut runner = runner(&configs);
+    let TransitionStatus::Failed(error) = runner.to(Goal::Op) else { panic!("it is refused") };
+    let words = error.to_string();
+    let expected = "in SAFE-OP, SubDevice 2: SDO write to 2f00:01: ";
+    assert!(words.starts_with(expected) && words.ends_with("(robot.toml line 7)"), "{words}");
+    assert_eq!(states(&mut runner), [4; 3]);
+    // The mailboxes of all are free again.
+    for position in 0..SERVOS {
+        assert_eq!(read(&mut runner, position, ObjectAddress::new(0x1018, 1)), [0x0F, 0x0F, 0, 0]);
+    }
+    assert_eq!(runner.to(Goal::Init), TransitionStatus::Reached(Goal::Init));
+}
+
+#[test]
+fn a_stop_doesnt_wait_for_them() {
+    let mut runner = runner(&configs());
+    until_they_are_written(&mut runner);
+    assert!(!runner.bus().recover(0), "its mailbox is in use");
+    assert_eq!(runner.to(Goal::PreOp), TransitionStatus::Reached(Goal::PreOp));
+    assert_eq!(states(&mut runner), [2; 3]);
+    assert_eq!(read(&mut runner, 0, ObjectAddress::new(0x1018, 1)), [0x0F, 0x0F, 0, 0]);
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
+    assert_eq!(read(&mut runner, 0, WARM_UP), [1]);
+}
+
+/// Requests of others are in hand when the SDOs' turn comes: they end first, and those behind them last.
+#[test]
+fn what_is_in_hand_and_what_waits_is_done_too() {
+    let mut runner = runner(&configs());
+    let (mut asked, mut answered) = (0, 0);
+    let Runner { paced, image, .. } = &mut runner;
+    let reached = paced.reach(Goal::Op, TransitionOptions::default(), &AtomicBool::new(false), |paced| {
+        let bus = paced.bus_mut();
+        if asked - answered < 3 {
+            let upload = MailboxRequest::upload(ObjectAddress::new(0x1018, 1), Vec::with_capacity(64));
+            let work = AcyclicWork::Mailbox(upload);
+            bus.submit(AcyclicRequest { tag: asked, position: 1, work }).unwrap();
+            asked += 1;
+        }
+        if let Some(ended) = bus.poll_completion() {
+            assert_eq!((ended.tag, ended.result), (answered, Ok(())));
+            answered += 1;
+        }
+        paced.exchange(image).map(drop)
+    });
+    assert_eq!(reached, Ok(true));
+    assert!(answered > 5, "{answered} of {asked}");
+    for _ in 0..500 {
+        runner.cycle();
+        let Some(ended) = runner.bus().poll_completion() else { continue };
+        assert_eq!((ended.tag, ended.result), (answered, Ok(())));
+        answered += 1;
+    }
+    assert_eq!(answered, asked);
+    assert_eq!(read(&mut runner, 1, WARM_UP), [1]);
+}
