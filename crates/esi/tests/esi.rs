@@ -410,6 +410,57 @@ fn commands_that_no_parameter_can_say_are_told() {
 }
 
 #[test]
+fn commands_are_for_states_of_the_way_up() {
+    let command = |transitions: &[&str]| {
+        let transitions: String =
+            transitions.iter().map(|one| format!("<Transition>{one}</Transition>")).collect();
+        let object = "<Index>#x8000</Index><SubIndex>0</SubIndex><Data>01</Data>";
+        format!("<InitCmd>{transitions}{object}</InitCmd>\n")
+    };
+    let all = [&["IP"][..], &["PS", "SO"], &["SO"], &["OS"], &["SO", "SP"]].map(command).concat();
+    let file = with_device(&format!("<Mailbox><CoE>{all}</CoE></Mailbox>"));
+    let assembly = Assembly::new(&file.devices[0], Vec::new()).unwrap();
+    let states = assembly.commands().into_iter().map(|one| {
+        assert_eq!(one.is_parameter(), one.is_for_pre_op() || one.is_for_safe_op());
+        [one.is_for_pre_op(), one.is_for_safe_op()]
+    });
+    let states: Vec<_> = states.collect();
+    assert_eq!(states, [[true, false], [true, true], [false, true], [false, false], [false, true]]);
+    let told = |line: u32, transition: &str| {
+        format!(
+            "the command of line {line} is for {transition}: there it isn't sent, for commands are sent on the way up, \
+             in PRE-OP (IP, PS) and SAFE-OP (SO), and on the way down nothing waits for a mailbox"
+        )
+    };
+    assert_eq!(doubts(&file), [told(6, "OS"), told(7, "SP")]);
+}
+
+#[test]
+fn states_in_which_an_object_may_be_written_are_read() {
+    let entry = |restrictions: &str, access: &str| {
+        format!(
+            "<Object><Index>#x2000</Index><Name>One</Name><Type>USINT</Type><BitSize>8</BitSize>\
+             <Flags><Access{restrictions}>{access}</Access></Flags></Object>"
+        )
+    };
+    for (restrictions, access, expected) in [
+        ("", "rw", [true; 3]),
+        ("", "ro", [false; 3]),
+        (" WriteRestrictions=\"PreOP\"", "rw", [true, false, false]),
+        (" WriteRestrictions=\"SafeOP\"", "wo", [false, true, false]),
+        (" WriteRestrictions=\"PreOP_SafeOP\"", "rw", [true, true, false]),
+        (" WriteRestrictions=\"SafeOP_OP\"", "rw", [false, true, true]),
+    ] {
+        let types = "<DataTypes><DataType><Name>USINT</Name><BitSize>8</BitSize></DataType></DataTypes>";
+        let object = entry(restrictions, access);
+        let dictionary = format!("<Dictionary>{types}<Objects>{object}</Objects></Dictionary>");
+        let file = with_device(&format!("<Profile>{dictionary}</Profile>"));
+        let rights = file.devices[0].dictionary[0].entries[0].rights;
+        assert_eq!((rights.write_in, rights.read), (expected, access != "wo"), "{restrictions}");
+    }
+}
+
+#[test]
 fn an_eeprom_that_is_too_small_is_told() {
     let told = |bytes: u32| doubts(&with_device(&format!("<Eeprom><ByteSize>{bytes}</ByteSize></Eeprom>")));
     assert_eq!(told(2048), Vec::<String>::new());

@@ -53,6 +53,8 @@ fn a_makers_file_becomes_tables_that_a_robots_file_takes() {
     assert!(drive.contains("Its maker shifts SYNC0 by 30 us: add that to `bus.sync0_shift_us`"), "{drive}");
     let waits = "timeouts = { init_ms = 5000, pre_op_ms = 3000, safe_op_op_ms = 10000, mailbox_ms = 6100 }";
     assert!(drive.contains(&format!("\n{waits}")), "{drive}");
+    let warm_up = "{ object = \"0x2100\", type = \"u8\", value = 1, state = \"safe_op\" },";
+    assert!(drive.contains(warm_up) && !drive.contains("LOOK AT THIS"), "{drive}");
     // A drive lacks what only its motor's plate tells: that is said, and nothing else.
     let filled = drive.replace(&format!("\n{own}"), &format!("\n{other}"));
     let filled = filled

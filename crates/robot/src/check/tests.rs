@@ -11,6 +11,7 @@ mod torque_gains;
 
 use super::*;
 use crate::registry::{Kind, Registry};
+use omnibase_ethercat::start_up::SdoWrite;
 
 const BMM: &str = include_str!("../../../../robots/bmm.toml");
 const MECANUM: &str = include_str!("../../../../robots/mecanum.toml");
@@ -276,6 +277,31 @@ fn a_controller_needs_its_target_in_the_map() {
     assert_eq!(problems.len(), 4, "{}", show(&problems));
     assert_eq!(problems[2].setting, "drive[2].outputs");
     assert_eq!(problems[2].limit.as_deref(), Some("60FF:32"));
+}
+
+#[test]
+fn a_parameter_says_in_which_state_it_is_written() {
+    let of = |state: &str| {
+        let all = format!(
+            "parameters = [{{ object = \"0x2100\", type = \"u8\", value = 1{state} }}, \
+             {{ object = \"0x2101\", type = \"u8\", value = 2 }}, "
+        );
+        MECANUM.replace("parameters = [", &all)
+    };
+    let indices = |state| {
+        let plan = RobotPlan::from_toml(&of(state), &Registry::with_built_in(), &no_files).unwrap();
+        let config = plan.drives[0].subdevice_config(&plan.bus);
+        let maker = |sdos: Vec<SdoWrite>| {
+            let indices = sdos.into_iter().map(|sdo| sdo.object.index);
+            indices.filter(|index| (0x2100..0x2200).contains(index)).collect::<Vec<_>>()
+        };
+        [maker(config.sdos), maker(config.safe_op_sdos)]
+    };
+    assert_eq!(indices(""), [vec![0x2100, 0x2101], vec![]]);
+    assert_eq!(indices(", state = \"pre_op\""), [vec![0x2100, 0x2101], vec![]]);
+    assert_eq!(indices(", state = \"safe_op\""), [vec![0x2101], vec![0x2100]]);
+    let problems = problems(&of(", state = \"op\""));
+    assert!(show(&problems).contains("(allowed: pre_op, safe_op)"), "{}", show(&problems));
 }
 
 #[test]

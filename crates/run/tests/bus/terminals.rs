@@ -240,15 +240,18 @@ fn a_terminal_with_much_process_data_is_simulated() {
 fn objects_of_a_drives_maker_are_taken_and_unknown_ones_of_the_standard_are_not() {
     let parameters = |list: &str| plan_with(&[&format!("drive_defaults.parameters = [{list}]")]);
     let own = "{ object = \"2200.1\", type = \"u16\", value = 7 }, \
+               { object = \"2201\", type = \"u8\", value = 1, state = \"safe_op\" }, \
                { object = \"2300\", bytes = \"0200 0A00 1400\", complete_access = true }";
     let mut bench = Bench::new(&parameters(own));
     bench.enable();
     bench.run(10);
     assert_eq!(bench.robot.phase(), Phase::Holding);
-    let unknown = std::panic::catch_unwind(|| {
-        Bench::new(&parameters("{ object = \"6FFF.1\", type = \"u16\", value = 7 }"));
-    });
-    let told = unknown.unwrap_err();
-    let told = told.downcast_ref::<String>().unwrap();
-    assert!(told.contains(&AbortCode::NO_SUCH_OBJECT.0.to_string()), "{told}");
+    for (key, state) in [("", ""), (", state = \"safe_op\"", "Sdo(StartUpError")] {
+        let unknown = std::panic::catch_unwind(|| {
+            Bench::new(&parameters(&format!("{{ object = \"6FFF.1\", type = \"u16\", value = 7{key} }}")));
+        });
+        let told = unknown.unwrap_err();
+        let told = told.downcast_ref::<String>().unwrap();
+        assert!(told.contains(&AbortCode::NO_SUCH_OBJECT.0.to_string()) && told.contains(state), "{told}");
+    }
 }
