@@ -1,7 +1,7 @@
 //! SDOs that are written in SAFE-OP, on the way of all to OP and on the way back of one.
 
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 use omnibase_ethercat::SubDeviceConfig;
@@ -10,6 +10,7 @@ use omnibase_ethercat::cyclic::{
 };
 use omnibase_ethercat::mailbox::MailboxRequest;
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
+use omnibase_ethercat::wire::Clock;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat_sim::{Fault, Segment, SegmentFile};
 
@@ -77,7 +78,7 @@ fn until_they_are_written(runner: &mut Runner) {
     let there = AtomicBool::new(false);
     let reached = paced.reach(Goal::Op, TransitionOptions::default(), &there, |paced| {
         let writes = TransitionStatus::Moving { goal: Goal::Op, step: Step::Sdos };
-        there.store(*paced.bus().transition() == writes, std::sync::atomic::Ordering::Relaxed);
+        there.store(*paced.bus().transition() == writes, Ordering::Relaxed);
         paced.exchange(image).map(drop)
     });
     assert_eq!(reached, Ok(false));
@@ -140,6 +141,9 @@ fn a_stop_doesnt_wait_for_them() {
     let mut runner = runner(&configs());
     until_they_are_written(&mut runner);
     assert!(!runner.bus().recover(0), "its mailbox is in use");
+    let now = runner.paced.clock().now();
+    runner.bus().request(Goal::PreOp, TransitionOptions::default(), now);
+    assert!(runner.bus().recover(0) && runner.bus().call_off(0), "its mailbox is free");
     assert_eq!(runner.to(Goal::PreOp), TransitionStatus::Reached(Goal::PreOp));
     assert_eq!(states(&mut runner), [2; 3]);
     assert_eq!(read(&mut runner, 0, ObjectAddress::new(0x1018, 1)), [0x0F, 0x0F, 0, 0]);
@@ -153,7 +157,10 @@ fn what_is_in_hand_and_what_waits_is_done_too() {
     let mut runner = runner(&configs());
     let (mut asked, mut answered) = (0, 0);
     let Runner { paced, image, .. } = &mut runner;
-    let reached = paced.reach(Goal::Op, TransitionOptions::default(), &AtomicBool::new(false), |paced| {
+    let (too_long, mut cycles) = (AtomicBool::new(false), 0);
+    let reached = paced.reach(Goal::Op, TransitionOptions::default(), &too_long, |paced| {
+        cycles += 1;
+        too_long.store(cycles > 20_000, Ordering::Relaxed);
         let bus = paced.bus_mut();
         if asked - answered < 3 {
             let upload = MailboxRequest::upload(ObjectAddress::new(0x1018, 1), Vec::with_capacity(64));
