@@ -228,7 +228,10 @@ impl EsiFile {
         found.into_iter().rev().max_by_key(|device| device.revision).ok_or_else(|| {
             let mut known: Vec<&str> = self.devices.iter().map(|device| device.type_name.as_str()).collect();
             known.dedup();
-            format!("no device of the file is called \"{wanted}\"; it has {}", known.join(", "))
+            match known[..] {
+                [] => "the file has no devices; modules go into a device of another file with --slot".to_owned(),
+                _ => format!("no device of the file is called \"{wanted}\"; it has {}", known.join(", ")),
+            }
         })
     }
 

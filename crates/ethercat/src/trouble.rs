@@ -100,7 +100,16 @@ pub enum Trouble {
         protocol: &'static str,
         /// What to do.
         remedy: &'static str,
+        /// It speaks CoE, too.
+        speaks_coe: bool,
     },
+}
+
+impl Trouble {
+    /// Whether nothing that is done here lacks for it: it may stay as it is.
+    pub fn is_remark(&self) -> bool {
+        matches!(self, Trouble::NotSpoken { speaks_coe: true, .. })
+    }
 }
 
 impl fmt::Display for Trouble {
@@ -136,7 +145,7 @@ impl fmt::Display for Trouble {
                 "SubDevice {position}: its chip has no valid EEPROM content (checksum), or its supply came up too slowly: power it \
                  off and on, before or together with its neighbours; else write its EEPROM (`omnibase eeprom write`)"
             ),
-            Trouble::NotSpoken { position, protocol, remedy } => {
+            Trouble::NotSpoken { position, protocol, remedy, .. } => {
                 write!(f, "SubDevice {position}: speaks {protocol}, which isn't supported: {remedy}")
             }
         }
@@ -199,8 +208,10 @@ impl<L: Link, C: Clock> Bus<L, C> {
             trouble.push(Trouble::NotLoaded { position });
         }
         for (bit, protocol, remedy) in NOT_SPOKEN {
-            if one.sii.header.mailbox_protocols & bit != 0 {
-                trouble.push(Trouble::NotSpoken { position, protocol, remedy });
+            let protocols = one.sii.header.mailbox_protocols;
+            if protocols & bit != 0 {
+                let speaks_coe = protocols & sii::PROTOCOL_COE != 0;
+                trouble.push(Trouble::NotSpoken { position, protocol, remedy, speaks_coe });
             }
         }
         trouble
@@ -254,13 +265,13 @@ const NOT_SPOKEN: [(u16, &str, &str); 3] = [
     (
         sii::PROTOCOL_EOE,
         "EoE (Ethernet through the mailbox)",
-        "its web page or its own tool is reached by its own network plug or the maker's software; process data and CoE work",
+        "its web page or its own tool is reached by its own network plug or the maker's software",
     ),
     (
         sii::PROTOCOL_SOE,
         "SoE (Sercos drive profile)",
-        "choose CoE (CiA 402) as its profile where the drive offers that; else it can be cycled by its SII's PDOs, but no parameter \
-         can be written",
+        "choose CoE (CiA 402) as its profile where the drive offers that; without it can be cycled by its SII's PDOs, but no \
+         parameter can be written",
     ),
-    (sii::PROTOCOL_AOE, "AoE", "devices behind it (a gateway's) can't be asked; process data and CoE work"),
+    (sii::PROTOCOL_AOE, "AoE", "devices behind it (a gateway's) can't be asked"),
 ];

@@ -108,6 +108,11 @@ pub fn segment_trouble(words: String) -> Finding {
     Finding::degraded("segment", why, words).mended("what it says", by_hand)
 }
 
+/// What isn't supported of the segment at the interface, and lacks nowhere.
+pub fn segment_note(words: String) -> Finding {
+    Finding::good("segment", "what isn't supported here is for its maker's tools", words)
+}
+
 /// Which cycle the segment's frames fit into.
 pub fn segment_cycle(words: String) -> Finding {
     let why = "a cycle within which its frames can't be back loses each of them";

@@ -1,7 +1,6 @@
 //! Robot files as commands read them, and their problems as a person reads them.
 
-use crate::progress;
-use anyhow::Context;
+use crate::{progress, small_file};
 use omnibase_robot::{Problem, Registry};
 use omnibase_run::{LoadedRobot, RobotText};
 use std::path::{Path, PathBuf};
@@ -57,7 +56,7 @@ pub struct RobotSource {
 impl RobotSource {
     /// Reads a robot's file.
     pub fn read(path: &Path, changes: &Changes) -> anyhow::Result<Self> {
-        let text = std::fs::read_to_string(path).with_context(|| format!("reading `{}`", path.display()))?;
+        let text = small_file::text(path)?;
         let folder = path.parent().unwrap_or(Path::new("")).to_owned();
         let text = RobotText { text, folder, changes: changes.lines(), reference: None };
         Ok(RobotSource { path: path.to_owned(), text })

@@ -1,13 +1,13 @@
 //! Simulated segments from files.
 
-use anyhow::Context;
+use crate::small_file;
 use omnibase_ethercat_sim::segment_file::{SegmentFile, line_of_images};
 use omnibase_ethercat_sim::{Pace, Segment};
 use std::path::{Path, PathBuf};
 
 /// Reads a segment file, foreign firmware at this pace; everything that is wrong in it comes at once, each with file, line and column.
 pub fn load(path: &Path, pace: Pace) -> anyhow::Result<Segment> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("reading `{}`", path.display()))?;
+    let text = small_file::text(path)?;
     let base = path.parent().unwrap_or(Path::new("."));
     SegmentFile::parse(&text).and_then(|file| file.build_paced(base, pace)).map_err(|error| {
         let places: Vec<String> =
@@ -18,7 +18,7 @@ pub fn load(path: &Path, pace: Pace) -> anyhow::Result<Segment> {
 
 /// Whether a file describes a robot: segment files know no platform and no limits.
 pub fn is_robot(path: &Path) -> anyhow::Result<bool> {
-    let text = std::fs::read_to_string(path).with_context(|| format!("reading `{}`", path.display()))?;
+    let text = small_file::text(path)?;
     // Where it isn't even TOML, whoever reads it as a segment file says so.
     Ok(text
         .parse::<toml::Table>()
@@ -29,7 +29,7 @@ pub fn is_robot(path: &Path) -> anyhow::Result<bool> {
 pub fn from_images(paths: &[PathBuf]) -> anyhow::Result<Segment> {
     let mut images = Vec::with_capacity(paths.len());
     for path in paths {
-        images.push(std::fs::read(path).with_context(|| format!("reading `{}`", path.display()))?);
+        images.push(small_file::read(path, small_file::EEPROM)?);
     }
     Ok(line_of_images(&images)?)
 }

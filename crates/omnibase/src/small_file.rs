@@ -1,6 +1,6 @@
 //! Files of a known kind, whose size is known to have an end.
 
-use anyhow::{Context, ensure};
+use anyhow::{Context, anyhow, ensure};
 use std::fs::File;
 use std::io::Read;
 use std::path::Path;
@@ -9,6 +9,14 @@ use std::path::Path;
 pub const EEPROM: u64 = 8 << 20;
 /// The largest firmware, bytes: more than any SubDevice has memory for.
 pub const FIRMWARE: u64 = 256 << 20;
+/// The longest file of a robot or a segment, bytes: more than anybody has written.
+const TEXT: u64 = 64 << 20;
+
+/// The text of a robot's or a segment's file.
+pub fn text(path: &Path) -> anyhow::Result<String> {
+    let not_text = |_| anyhow!("`{}` is no text (UTF-8)", path.display());
+    String::from_utf8(read(path, TEXT)?).map_err(not_text)
+}
 
 /// What a file holds; one of more than `most` bytes is refused, be it endless.
 pub fn read(path: &Path, most: u64) -> anyhow::Result<Vec<u8>> {

@@ -112,9 +112,23 @@ fn a_capture_that_is_cut_off_is_shown_as_far_as_it_goes() {
 #[test]
 fn what_cannot_be_read_is_an_error_in_words_and_code_1() {
     let nonsense = Scratch::new("nonsense", b"these are no frames");
+    let modules = Scratch::new(
+        "modules.xml",
+        b"<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Modules><Module><Type ModuleIdent=\"1\">M</Type>\
+          </Module></Modules></Descriptions></EtherCATInfo>",
+    );
     let cases = [
         (vec!["decode", "/no/such/file"], "error: reading `/no/such/file`: No such file or directory"),
         (vec!["decode", nonsense.path()], "not a capture: the file starts with 74 68 65 73"),
+        (vec!["decode", "/dev/zero"], "not a capture: the file starts with 00 00 00 00"),
+        (vec!["check", "/dev/zero"], "`/dev/zero` has more than 67108864 bytes"),
+        (vec!["scan", "sim:/dev/zero"], "`/dev/zero` has more than 67108864 bytes"),
+        (vec!["sii", "/dev/zero"], "`/dev/zero` has more than 8388608 bytes"),
+        (vec!["esi", modules.path(), "--device", "MU-IO"], "the file has no devices; modules go into"),
+        (
+            vec!["foe", "read", "sim:../../segments/three-servos.toml", "0", "new.bin", "--name", ""],
+            "--name is empty: expected the file's name in the SubDevice",
+        ),
         (vec!["sii", "/no/such/file"], "error: reading `/no/such/file`: No such file or directory"),
         (vec!["sii", nonsense.path()], "SII image of 19 bytes is shorter than its fixed part of 128"),
     ];

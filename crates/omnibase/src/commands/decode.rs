@@ -9,10 +9,14 @@ use anyhow::Context;
 use omnibase_ethercat_wire::frame::Datagram;
 use omnibase_ethercat_wire::{Address, Command};
 use omnibase_measure::quantiles::{Quantiles, microseconds};
-use omnibase_record::{Capture, CapturedFrame};
+use omnibase_record::{Capture, CaptureError, CapturedFrame};
 use serde::Serialize;
-use std::io::{self, Write};
-use std::path::PathBuf;
+use std::fs::File;
+use std::io::{self, Read, Write};
+use std::path::{Path, PathBuf};
+
+/// Bytes by which a capture is known.
+const MAGIC: u64 = 4;
 
 /// Shows every datagram of a capture (pcapng or pcap) in words, then a summary.
 #[derive(Debug, clap::Args)]
@@ -81,7 +85,7 @@ struct Unreadable {
 /// Runs the command.
 pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
     let path = arguments.capture.display();
-    let file = std::fs::read(&arguments.capture).with_context(|| format!("reading `{path}`"))?;
+    let file = read(&arguments.capture).with_context(|| format!("reading `{path}`"))?;
     let capture = Capture::read(&file).with_context(|| format!("reading `{path}`"))?;
     let records: Vec<Result<Record<'_>, CapturedFrame<'_>>> =
         capture.frames.iter().map(|frame| Record::new(*frame).ok_or(*frame)).collect();
@@ -123,6 +127,16 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     }
     printer.end(&problems, &gatherer.finish())?;
     Ok(if problems.is_empty() { Outcome::Done } else { Outcome::Failed })
+}
+
+/// A capture, however large; of another file the first bytes alone.
+fn read(path: &Path) -> io::Result<Vec<u8>> {
+    let (mut file, mut bytes) = (File::open(path)?, Vec::new());
+    (&mut file).take(MAGIC).read_to_end(&mut bytes)?;
+    if !matches!(Capture::read(&bytes), Err(CaptureError::NotACapture { .. })) {
+        file.read_to_end(&mut bytes)?;
+    }
+    Ok(bytes)
 }
 
 /// AL errors, aborts, emergencies and mailbox errors, by the words that are used for them alone.

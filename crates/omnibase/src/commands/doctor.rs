@@ -77,9 +77,13 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 /// What `scan` sees of the segment that a person should do something about.
 fn segment(interface: &str) -> anyhow::Result<Vec<Finding>> {
     let target = Target::Interface(interface.to_owned());
-    let (words, cycle) = scan::trouble(&target, Manners { force: false, visible: false })?;
-    let mut findings = vec![doctor::segment_cycle(cycle)];
-    findings.extend(words.into_iter().map(doctor::segment_trouble));
+    let (found, refusal) = scan::look(&target, Manners { force: false, visible: false }, false)?;
+    let fit = found.cycle.map_or("its process data fit into none".to_owned(), |cycle| cycle.words);
+    let mut findings = vec![doctor::segment_cycle(fit)];
+    findings.extend(found.notes.into_iter().map(doctor::segment_note));
+    let refusal = refusal.map(|error| error.to_string());
+    let trouble = found.warnings.into_iter().chain(refusal).chain(found.trouble);
+    findings.extend(trouble.map(doctor::segment_trouble));
     Ok(findings)
 }
 

@@ -143,6 +143,7 @@ impl Place {
     fn access(&self, file: &std::path::Path) -> anyhow::Result<FileAccess> {
         let own = file.file_name().map(|name| name.to_string_lossy().into_owned());
         let name = self.name.clone().or(own).context("the file has no name: give --name")?;
+        anyhow::ensure!(!name.is_empty(), "--name is empty: expected the file's name in the SubDevice");
         let text = ShortText::new(&name).with_context(|| {
             format!("--name `{name}` has {} bytes, at most {} are sent", name.len(), ShortText::LONGEST)
         })?;

@@ -5,12 +5,13 @@ mod table;
 
 use crate::commands::at_robot;
 use crate::dictionary::{self, OnBus};
-use crate::progress::note;
+use crate::progress::{note, warn};
 use crate::target::{AnyBus, Manners, Port, Target};
 use crate::{Outcome, commands};
 use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::modules::Modules;
 use omnibase_ethercat::transaction::Access;
+use omnibase_ethercat::trouble::Trouble;
 use omnibase_ethercat::wire::bytes::u16_at;
 use omnibase_ethercat::wire::{AlState, AlStatusCode, register, sii};
 use report::{CycleReport, ModulesReport, Report, SubDeviceReport};
@@ -37,7 +38,7 @@ pub struct Arguments {
     /// Read the whole object dictionary with its values (SDO Information).
     #[arg(long)]
     dictionary: bool,
-    /// Print one JSON object: {"subdevices": [...], "cycle", "trouble", "warnings"}.
+    /// Print one JSON object: {"subdevices": [...], "cycle", "trouble", "notes", "warnings"}.
     #[arg(long)]
     json: bool,
     /// Print `[[drive]]` and `[[device]]` tables for a robot's file: identity, maps as found, what drives tell of
@@ -66,6 +67,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         return refusal.map_or(Ok(Outcome::Done), |error| Err(error.into()));
     }
     let (report, refusal) = look(&arguments.target, arguments.manners, arguments.dictionary)?;
+    report.warnings.iter().for_each(warn);
     if arguments.json {
         serde_json::to_writer_pretty(&mut *output, &report)?;
         writeln!(output)?;
@@ -89,12 +91,13 @@ pub fn look(
     commands::scan_bus(&mut bus, target)?;
     // What was found is shown even where it can't be configured.
     let refusal = bus.configure_sound().err();
-    commands::note_warnings(&bus);
     let states = states(&mut bus);
+    let (notes, trouble) = told(&bus.look_for_trouble()?);
     let mut report = Report {
         subdevices: bus.subdevices().iter().map(SubDeviceReport::new).collect(),
         cycle: bus.cycle_fit().ok().map(CycleReport::from),
-        trouble: bus.look_for_trouble()?.iter().map(ToString::to_string).collect(),
+        trouble,
+        notes,
         warnings: bus.warnings().iter().map(ToString::to_string).collect(),
     };
     for (one, state) in report.subdevices.iter_mut().zip(states) {
@@ -135,24 +138,11 @@ fn modules_of(
     Ok(modules)
 }
 
-/// What is wrong with a segment, as words, and which cycle fits.
-pub(super) fn trouble(target: &Target, manners: Manners) -> anyhow::Result<(Vec<String>, String)> {
-    let mut bus = manners.enter(target, Port::Socket)?.into_bus();
-    commands::scan_bus(&mut bus, target)?;
-    let refusal = bus.configure_sound().err();
-    let mut words: Vec<String> = bus.warnings().iter().map(ToString::to_string).collect();
-    words.extend(refusal.iter().map(ToString::to_string));
-    words.extend(bus.look_for_trouble()?.iter().map(ToString::to_string));
-    if refusal.is_none() {
-        for position in 0..bus.subdevices().len() as u16 {
-            modules_of(&mut bus, position, &mut words)?;
-        }
-    }
-    let cycle = match bus.cycle_fit() {
-        Ok(fit) => fit.to_string(),
-        Err(error) => error.to_string(),
-    };
-    Ok((words, cycle))
+/// What may stay as it is, and what may not, in words.
+fn told(all: &[Trouble]) -> (Vec<String>, Vec<String>) {
+    let (notes, trouble): (Vec<&Trouble>, Vec<&Trouble>) = all.iter().partition(|one| one.is_remark());
+    let words = |all: Vec<&Trouble>| all.into_iter().map(ToString::to_string).collect();
+    (words(notes), words(trouble))
 }
 
 /// The dictionary; `None` where the SubDevice has none to show.

@@ -10,6 +10,7 @@ use super::calibrate::{Known, write};
 use crate::Outcome;
 use crate::progress::note;
 use crate::real_time::RealTime;
+use crate::small_file;
 use crate::target::{AnyClock, Manners, Port, Target};
 use crate::token;
 use anyhow::Context;
@@ -99,8 +100,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     );
     let torque = arguments.torque_per_mille;
     anyhow::ensure!((1..=500).contains(&torque), "--torque-per-mille {torque}: expected 1 to 500");
-    let base = std::fs::read_to_string(&arguments.robot)
-        .with_context(|| format!("reading `{}`", arguments.robot.display()))?;
+    let base = small_file::text(&arguments.robot)?;
     let (state, told) = (beside(&arguments.output, "state.json"), beside(&arguments.output, "record.md"));
     // Two that write one state would each lose what the other found.
     let _sole = FileLock::take(&state)?;

@@ -17,6 +17,8 @@ pub struct Report {
     pub cycle: Option<CycleReport>,
     /// What is wrong with cables, power and order, and what to do.
     pub trouble: Vec<String>,
+    /// What isn't supported and lacks nowhere.
+    pub notes: Vec<String>,
     /// What the set-up met and went on without: the text form has it on stderr.
     pub warnings: Vec<String>,
 }
@@ -30,7 +32,7 @@ pub struct CycleReport {
     /// By the distributed clocks; else estimated by the number of SubDevices.
     propagation_is_measured: bool,
     #[serde(skip)]
-    words: String,
+    pub words: String,
 }
 
 impl From<CycleFit> for CycleReport {
@@ -347,7 +349,8 @@ impl Report {
         if let Some(cycle) = &self.cycle {
             writeln!(output, "\nshortest cycle {}", cycle.words)?;
         }
-        self.trouble.iter().try_for_each(|trouble| writeln!(output, "TROUBLE {trouble}"))
+        self.trouble.iter().try_for_each(|trouble| writeln!(output, "TROUBLE {trouble}"))?;
+        self.notes.iter().try_for_each(|note| writeln!(output, "NOTE {note}"))
     }
 }
 
