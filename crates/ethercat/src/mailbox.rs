@@ -63,6 +63,9 @@ const POLL_INTERVAL: Duration = Duration::from_micros(100);
 const BUSY_PAUSE: Duration = Duration::from_millis(10);
 /// How long a SubDevice gets to give a lost message again, and to take an abort.
 const COURTESY: Duration = Duration::from_millis(100);
+/// A request is given up where so many frames in a row didn't come back, for so long: that isn't the SubDevice's doing.
+const LOST_FRAMES: u32 = 8;
+const SILENCE: Duration = Duration::from_millis(500);
 
 /// A mailbox's sizes can't be used.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
@@ -144,6 +147,8 @@ pub struct Mailbox {
     next_look: HostTime,
     /// The last datagram was answered by no one.
     unanswered: bool,
+    /// Datagrams in a row that didn't come back, and since when.
+    silence: Option<(u32, HostTime)>,
     emergencies: EmergencyRing,
     counters: MailboxCounters,
 }
@@ -174,6 +179,7 @@ impl Mailbox {
             repeat_deadline: HostTime(0),
             next_look: HostTime(0),
             unanswered: false,
+            silence: None,
             emergencies: EmergencyRing::new(),
             counters: MailboxCounters::default(),
         })
@@ -204,6 +210,7 @@ impl Mailbox {
         let longest_answer = usize::from(self.config.read.length) - mailbox::HEADER;
         let transfer = Transfer::new(request.operation, longest_answer);
         self.task = Task::Run { request, transfer, deadline: now };
+        self.silence = None;
         self.send_next(now);
         Ok(())
     }
@@ -247,6 +254,17 @@ impl Mailbox {
             Task::Run { request, .. } => self.finish(request, Err(MailboxError::Reset)),
             Task::Abort { request, error, .. } => self.finish(request, Err(error)),
             other => self.task = other,
+        }
+    }
+
+    /// The request that is over, where there is one.
+    pub fn take_completion(&mut self) -> Option<Completion> {
+        match core::mem::replace(&mut self.task, Task::None) {
+            Task::Over(completion) => Some(completion),
+            other => {
+                self.task = other;
+                None
+            }
         }
     }
 
@@ -322,7 +340,10 @@ impl Mailbox {
                     _ if self.to_write => Waiting::MailboxEmpty,
                     _ => Waiting::Answer,
                 };
-                if self.unanswered {
+                let silent = self.silence.map(|(_, since)| now - since).filter(|silent| *silent * 2 >= after);
+                if let Some(after) = silent {
+                    self.fail(MailboxError::Unheard { after }, None, now);
+                } else if self.unanswered {
                     self.fail(MailboxError::Unreachable { after }, None, now);
                 } else {
                     self.fail(MailboxError::Timeout { waiting, after }, Some(AbortCode::TIMEOUT), now);
@@ -367,6 +388,17 @@ impl Mailbox {
     }
 
     fn lost(&mut self, now: HostTime) {
+        let (before, since) = self.silence.unwrap_or((0, now));
+        self.silence = Some((before + 1, since));
+        if before >= LOST_FRAMES && now - since >= SILENCE {
+            match self.task {
+                Task::Run { .. } => {
+                    return self.fail(MailboxError::Unheard { after: now - since }, None, now);
+                }
+                Task::Abort { .. } => return self.end_abort(),
+                Task::None | Task::Over(_) => {}
+            }
+        }
         match self.stage {
             Stage::Write => {
                 self.write_uncertain = true;
@@ -381,6 +413,7 @@ impl Mailbox {
 
     fn returned(&mut self, data: &[u8], working_counter: u16, now: HostTime) {
         self.unanswered = working_counter == 0;
+        self.silence = None;
         // Not one: nobody took part, or two SubDevices share an address and neither can be believed.
         if working_counter != 1 {
             match self.stage {
@@ -463,9 +496,7 @@ impl Procedure for Mailbox {
 
     fn next(&mut self, now: HostTime) -> Next<Self::Output> {
         self.check_deadline(now);
-        if matches!(self.task, Task::Over(_))
-            && let Task::Over(completion) = core::mem::replace(&mut self.task, Task::None)
-        {
+        if let Some(completion) = self.take_completion() {
             return Next::Done(Some(completion));
         }
         match self.datagram() {

@@ -208,7 +208,13 @@ impl MailboxServer {
             return;
         }
         self.acknowledged = requested;
-        let lost = if is_full(pdi) {
+        let is_full = is_full(pdi);
+        if is_full && self.again.is_some() {
+            // What was asked for lies in SM1 already: it is its reading that was lost once more.
+            pdi.write(SM1_PDI_CONTROL, &[requested]);
+            return;
+        }
+        let lost = if is_full {
             // The lost message was read; what lies in SM1 now goes out again behind it.
             pdi.write(SM1_PDI_CONTROL, &[OFF | requested]);
             self.again = self.current.take();

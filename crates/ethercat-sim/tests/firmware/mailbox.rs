@@ -77,6 +77,24 @@ fn a_repeat_goes_before_what_came_after() {
     assert_eq!((protocol, counter), (0, 2), "then the later one, with its own counter");
 }
 
+/// The answer to the repeat is lost, too: the MainDevice asks once more while it lies there unread.
+#[test]
+fn a_repeat_that_is_asked_twice_loses_nothing() {
+    let mut rig = rig();
+    rig.post(FIRST, 3, &DEVICE_TYPE);
+    let first = rig.fetch(FIRST).unwrap();
+    rig.post(FIRST, 2, &[1, 2, 3, 4]);
+    rig.wait_us(100);
+    for toggle in [3, 1, 3] {
+        rig.write(FIRST, 0x080E, &[toggle]);
+        rig.wait_us(10);
+        assert_eq!(rig.read(FIRST, 0x080F, 1)[0] & 2, toggle & 2, "acknowledged");
+    }
+    assert_eq!(rig.fetch(FIRST), Some(first));
+    let (protocol, counter, _) = rig.fetch(FIRST).unwrap();
+    assert_eq!((protocol, counter), (0, 2), "then the later one, with its own counter");
+}
+
 #[test]
 fn what_the_device_does_not_speak_is_refused() {
     let mut rig = rig();

@@ -156,15 +156,19 @@ impl Acyclic {
         }
     }
 
-    /// Has the SDOs for SAFE-OP written, by each mailbox when it has done what it has in hand.
+    /// Has the SDOs for SAFE-OP written, one SubDevice after the other: side by side they would wait for one another's
+    /// datagrams, for longer than an answer may take where there are many.
     pub fn begin_writing(&mut self) {
         self.unwritten = None;
-        for lane in &mut self.lanes {
-            let Some(writer) = lane.writer.as_mut() else { continue };
-            writer.ask();
-            if !self.active.contains(&lane.position) {
-                self.active.push_back(lane.position);
-            }
+        self.lanes.iter_mut().filter_map(|lane| lane.writer.as_mut()).for_each(SafeOpWriter::ask);
+        self.serve_next_writer();
+    }
+
+    fn serve_next_writer(&mut self) {
+        if let Some(lane) = self.lanes.iter().find(|lane| lane.has_to_write())
+            && !self.active.contains(&lane.position)
+        {
+            self.active.push_back(lane.position);
         }
     }
 
@@ -181,11 +185,10 @@ impl Acyclic {
     pub fn end_writing(&mut self) {
         for lane in &mut self.lanes {
             let Some(writer) = lane.writer.as_mut().filter(|writer| writer.is_due()) else { continue };
-            if let Some(mut mailbox) = writer.end() {
-                mailbox.cancel();
-                // Nobody waits for what it was doing.
-                let _ = mailbox.next(HostTime(0));
-                lane.mailbox = Some(mailbox);
+            let is_writing = writer.is_writing();
+            let mailbox = writer.end();
+            if is_writing {
+                lane.mailbox = mailbox;
             }
         }
     }
@@ -204,7 +207,7 @@ impl Acyclic {
         if let Some(mailbox) = &mut mailbox {
             // Its counter goes on: the SubDevice may be in OP and answering.
             mailbox.cancel();
-            if let (Some(tag), Next::Done(Some(done))) = (lane.tag.take(), mailbox.next(HostTime(0))) {
+            if let (Some(tag), Some(done)) = (lane.tag.take(), mailbox.take_completion()) {
                 let work = AcyclicWork::Mailbox(done.request);
                 let result = done.result.map_err(AcyclicError::Mailbox);
                 self.finished.push_back(AcyclicCompletion { tag, position, work, result });
@@ -416,13 +419,14 @@ impl Acyclic {
                 Next::Done(result) => {
                     lane.mailbox = recovery.take_mailbox();
                     self.recovered.push_back((position, result));
-                    return (None, false);
+                    return (None, lane.has_to_write());
                 }
             }
         }
         if let Some(writer) = &mut lane.writer {
             // What its mailbox has in hand comes first.
-            if writer.is_due() && !writer.is_writing() && lane.tag.is_none() && lane.register.is_none() {
+            let is_free = lane.tag.is_none() && lane.register.is_none();
+            if is_free && writer.is_due() && !writer.is_writing() {
                 writer.begin(lane.mailbox.take());
             }
             if writer.is_writing() {
@@ -432,6 +436,7 @@ impl Acyclic {
                     Next::Done(result) => {
                         lane.mailbox = writer.end();
                         self.unwritten = self.unwritten.take().or(result.err());
+                        self.serve_next_writer();
                         return (None, false);
                     }
                 }
@@ -446,11 +451,12 @@ impl Acyclic {
             }
         }
         let lane = &mut self.lanes[usize::from(position)];
-        let Some(mailbox) = &mut lane.mailbox else { return (None, false) };
+        let has_to_write = lane.has_to_write();
+        let Some(mailbox) = &mut lane.mailbox else { return (None, has_to_write) };
         match mailbox.next(now) {
             Next::Send(request) => (Some(request), true),
             Next::WaitUntil(_) => (None, true),
-            Next::Done(None) => (None, false),
+            Next::Done(None) => (None, has_to_write),
             Next::Done(Some(completion)) => {
                 let completion = AcyclicCompletion {
                     tag: lane.tag.take().unwrap_or_default(),
@@ -459,7 +465,7 @@ impl Acyclic {
                     result: completion.result.map_err(AcyclicError::Mailbox),
                 };
                 self.finished.push_back(completion);
-                (None, lane.has_to_write())
+                (None, has_to_write)
             }
         }
     }

@@ -193,6 +193,12 @@ pub enum MailboxError {
         /// How long it was tried.
         after: Duration,
     },
+    /// Frames don't come back: nobody knows what the SubDevice would say.
+    #[error("no frame came back for {after:?}: frames are lost on their way")]
+    Unheard {
+        /// How long it was tried.
+        after: Duration,
+    },
     /// The SubDevice is there, its mailbox is silent.
     #[error("timeout after {after:?} waiting for {waiting}")]
     Timeout {

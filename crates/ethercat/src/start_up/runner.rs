@@ -118,6 +118,16 @@ impl StartUpRunner {
         self.mailbox
     }
 
+    /// Gives the mailbox back in the midst of a step, with nothing in hand.
+    pub(crate) fn give_up(&mut self) -> Option<Mailbox> {
+        let mut mailbox = self.mailbox.take()?;
+        mailbox.cancel();
+        if let Some(completion) = mailbox.take_completion() {
+            self.buffer = completion.request.data;
+        }
+        Some(mailbox)
+    }
+
     /// The mailbox, to be handed in and taken out.
     pub(crate) fn mailbox_mut(&mut self) -> &mut Option<Mailbox> {
         &mut self.mailbox

@@ -6,23 +6,24 @@ use std::time::Duration;
 
 use omnibase_ethercat::SubDeviceConfig;
 use omnibase_ethercat::cyclic::{
-    AcyclicRequest, AcyclicWork, ClockDirection, Comeback, Goal, Step, TransitionOptions, TransitionStatus,
+    AcyclicRequest, AcyclicWork, ClockDirection, Comeback, Goal, RegisterAccess, Step, TransitionOptions,
+    TransitionStatus,
 };
 use omnibase_ethercat::mailbox::MailboxRequest;
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::wire::Clock;
 use omnibase_ethercat::wire::coe::ObjectAddress;
-use omnibase_ethercat_sim::{Fault, Segment, SegmentFile};
+use omnibase_ethercat_sim::{Fault, FaultRates, Segment, SegmentFile};
 
 use crate::runner::{Runner, synchronous};
 
-const SERVOS: u16 = 3;
+const SERVOS: usize = 3;
 /// The maker's file has it written in SAFE-OP, where alone the simulated drive takes it.
 const WARM_UP: ObjectAddress = ObjectAddress { index: 0x2100, subindex: 0 };
 
-fn servos() -> Segment {
+fn servos(count: usize) -> Segment {
     let text = format!(
-        "[[subdevice]]\nkind = \"esi\"\nesi = \"maker.xml\"\ndevice = \"MU-SERVO\"\ncount = {SERVOS}\n"
+        "[[subdevice]]\nkind = \"esi\"\nesi = \"maker.xml\"\ndevice = \"MU-SERVO\"\ncount = {count}\n"
     );
     let segments = Path::new(concat!(env!("CARGO_MANIFEST_DIR"), "/../../segments"));
     SegmentFile::parse(&text).unwrap().build(segments).unwrap()
@@ -40,13 +41,13 @@ fn warm_up() -> SdoWrite {
 }
 
 fn configs() -> Vec<SubDeviceConfig> {
-    let mut configs = synchronous(SERVOS.into(), Duration::from_millis(1));
+    let mut configs = synchronous(SERVOS, Duration::from_millis(1));
     configs.iter_mut().for_each(|config| config.safe_op_sdos = vec![warm_up()]);
     configs
 }
 
 fn runner(configs: &[SubDeviceConfig]) -> Runner {
-    Runner::new(servos(), configs, ClockDirection::CycleFollowsDc)
+    Runner::new(servos(SERVOS), configs, ClockDirection::CycleFollowsDc)
 }
 
 fn ask(runner: &mut Runner, position: u16, object: ObjectAddress) -> Result<(), AcyclicRequest> {
@@ -90,14 +91,14 @@ fn all_are_written_before_op_is_asked() {
     until_they_are_written(&mut runner);
     assert_eq!(states(&mut runner), [4; 3]);
     assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
-    for position in 0..SERVOS {
+    for position in 0..SERVOS as u16 {
         assert_eq!(read(&mut runner, position, WARM_UP), [1]);
     }
 }
 
 #[test]
 fn without_any_nothing_is_waited_for() {
-    let mut runner = runner(&synchronous(SERVOS.into(), Duration::from_millis(1)));
+    let mut runner = runner(&synchronous(SERVOS, Duration::from_millis(1)));
     assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     assert_eq!(read(&mut runner, 1, WARM_UP), [0]);
 }
@@ -130,7 +131,7 @@ fn one_that_is_refused_is_named_and_nobody_is_in_op() {
     assert!(words.starts_with(expected) && words.ends_with("(robot.toml line 7)"), "{words}");
     assert_eq!(states(&mut runner), [4; 3]);
     // The mailboxes of all are free again.
-    for position in 0..SERVOS {
+    for position in 0..SERVOS as u16 {
         assert_eq!(read(&mut runner, position, ObjectAddress::new(0x1018, 1)), [0x0F, 0x0F, 0, 0]);
     }
     assert_eq!(runner.to(Goal::Init), TransitionStatus::Reached(Goal::Init));
@@ -149,6 +150,82 @@ fn a_stop_doesnt_wait_for_them() {
     assert_eq!(read(&mut runner, 0, ObjectAddress::new(0x1018, 1)), [0x0F, 0x0F, 0, 0]);
     assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     assert_eq!(read(&mut runner, 0, WARM_UP), [1]);
+}
+
+/// All mailboxes share one datagram a cycle: none of them waits for so long that its answer would be too late.
+#[test]
+fn many_write_one_after_the_other() {
+    const MANY: usize = 100;
+    let mut configs = synchronous(MANY, Duration::from_millis(4));
+    for config in &mut configs {
+        config.safe_op_sdos = vec![warm_up()];
+        config.timeouts.mailbox = Some(Duration::from_millis(40));
+    }
+    let mut runner = Runner::new(servos(MANY), &configs, ClockDirection::CycleFollowsDc);
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
+    for position in [0, 50, 99] {
+        assert_eq!(read(&mut runner, position, WARM_UP), [1]);
+    }
+}
+
+/// A register access that is in hand when the SDOs' turn comes.
+#[test]
+fn a_register_in_hand_keeps_nobody_from_writing() {
+    let mut runner = runner(&configs());
+    let (too_long, mut cycles) = (AtomicBool::new(false), 0);
+    let Runner { paced, image, .. } = &mut runner;
+    let reached = paced.reach(Goal::Op, TransitionOptions::default(), &too_long, |paced| {
+        cycles += 1;
+        too_long.store(cycles > 20_000, Ordering::Relaxed);
+        let bus = paced.bus_mut();
+        for position in 0..3 {
+            let work =
+                AcyclicWork::Registers { way: RegisterAccess::Read, register: 0x0130, data: vec![0; 2] };
+            let _ = bus.submit(AcyclicRequest { tag: 0, position, work });
+        }
+        while let Some(ended) = bus.poll_completion() {
+            assert_eq!(ended.result, Ok(()));
+        }
+        paced.exchange(image).map(drop)
+    });
+    assert_eq!(reached, Ok(true), "{:?} after {cycles} cycles", runner.bus().transition());
+}
+
+/// One frame in ten is lost, every which way: no answer of a mailbox is.
+#[test]
+fn many_lost_frames_lose_no_answer() {
+    let configs = configs().into_iter().map(|config| {
+        let safe_op_sdos = vec![warm_up(); 20];
+        SubDeviceConfig { safe_op_sdos, ..config }
+    });
+    let mut runner = runner(&configs.collect::<Vec<_>>());
+    let rates = FaultRates { drop_request_ppm: 50_000, drop_answer_ppm: 50_000, ..FaultRates::default() };
+    runner.bus().link_mut().inner.set_rates(rates);
+    for _ in 0..10 {
+        assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
+        assert_eq!(runner.to(Goal::PreOp), TransitionStatus::Reached(Goal::PreOp));
+    }
+}
+
+/// The cable goes while SDOs are written: that is what is told, of nobody's mailbox.
+#[test]
+fn a_cable_that_goes_meanwhile_is_told_as_lost_frames() {
+    let mut runner = runner(&configs());
+    until_they_are_written(&mut runner);
+    let Runner { paced, image, .. } = &mut runner;
+    let mut cycles = 0;
+    while let TransitionStatus::Moving { .. } = paced.bus().transition() {
+        paced
+            .bus_mut()
+            .link_mut()
+            .inner
+            .set_rates(FaultRates { drop_answer_ppm: 1_000_000, ..FaultRates::default() });
+        let _ = paced.exchange(image);
+        cycles += 1;
+        assert!(cycles < 1000, "{:?}", paced.bus().transition());
+    }
+    let words = format!("{:?}", runner.bus().transition());
+    assert!(words.starts_with("Failed(") && words.contains("Unheard"), "{words}");
 }
 
 /// Requests of others are in hand when the SDOs' turn comes: they end first, and those behind them last.

@@ -57,10 +57,10 @@ impl SafeOpWriter {
         self.stage = Stage::Writes;
     }
 
-    /// Ends it, wherever it is.
+    /// Ends it, wherever it is; the mailbox has nothing in hand.
     pub fn end(&mut self) -> Option<Mailbox> {
         self.stage = Stage::Rest;
-        self.runner.mailbox_mut().take()
+        self.runner.give_up()
     }
 }
 

@@ -109,6 +109,50 @@ fn a_subdevice_that_vanishes_between_segments_times_out() {
     assert_eq!(done.result, Err(MailboxError::Unreachable { after: Duration::from_millis(50) }));
 }
 
+/// Frames that don't come back are no silence of the SubDevice, whenever they begin to.
+#[test]
+fn lost_frames_are_told_as_such_and_soon() {
+    for lost_from in [0, 1, 2, 3, 5] {
+        let (mut mailbox, mut server) = (mailbox(), Server::new());
+        server.objects.insert(0x2000, value(1000));
+        mailbox.start(upload(0x2000, 1000), HostTime(0)).unwrap();
+        let (mut now, mut asked) = (HostTime(0), 0);
+        let done = loop {
+            now = now + Duration::from_millis(1);
+            match mailbox.next(now) {
+                Next::Done(done) => break done.unwrap(),
+                Next::WaitUntil(_) => {}
+                Next::Send(request) => {
+                    let mut data = vec![0; request.length];
+                    mailbox.fill(&mut data);
+                    if asked >= lost_from {
+                        mailbox.answer(Answer::Lost, now);
+                    } else {
+                        let working_counter = server.datagram(request, &mut data);
+                        mailbox.answer(Answer::Returned { working_counter, data: &data }, now);
+                    }
+                    asked += 1;
+                }
+            }
+        };
+        assert_eq!(done.result, Err(MailboxError::Unheard { after: Duration::from_millis(500) }));
+        assert!(now < HostTime(600_000_000), "{now:?}");
+    }
+    // A shorter time-out of its own is over sooner.
+    let mut mailbox = mailbox();
+    mailbox.start(upload(0x2000, 1000).with_timeout(Duration::from_millis(20)), HostTime(0)).unwrap();
+    let mut now = HostTime(0);
+    let done = loop {
+        now = now + Duration::from_millis(1);
+        match mailbox.next(now) {
+            Next::Done(done) => break done.unwrap(),
+            Next::WaitUntil(_) => {}
+            Next::Send(_) => mailbox.answer(Answer::Lost, now),
+        }
+    };
+    assert!(matches!(done.result, Err(MailboxError::Unheard { .. })), "{:?}", done.result);
+}
+
 #[test]
 fn a_silent_server_times_out_and_is_told() {
     let (mut mailbox, mut server) = (mailbox(), Server::new());
