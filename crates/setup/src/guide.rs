@@ -1,5 +1,6 @@
 //! The steps, one after the other.
 
+mod at_start;
 mod brakes;
 mod floor;
 mod jogging;
@@ -368,6 +369,11 @@ fn units_s(scale: &DriveScale, counts_s: f64, drive: &FoundDrive) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use std::cell::RefCell;
+    use std::rc::Rc;
+
+    use omnibase_ethercat::wire::{HostTime, LinkError};
+
     use super::*;
 
     struct Nobody;
@@ -416,5 +422,58 @@ mod tests {
         };
         assert_eq!([1, 2, 3].map(|product| gear(None, product)), [10.0, 1.0, 1.0]);
         assert_eq!(["wheel_1", "wheel_2", "wheel_3"].map(|wheel| gear(Some(wheel), 2)), [10.0, 1.0, 5.0]);
+    }
+
+    /// Keeps what is sent.
+    struct Kept {
+        link: omnibase_ethercat_sim::SimLink,
+        sent: Rc<RefCell<Vec<Vec<u8>>>>,
+    }
+
+    impl Link for Kept {
+        fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+            self.sent.borrow_mut().push(frame.to_vec());
+            self.link.send(frame)
+        }
+
+        fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+            self.link.receive(buffer, deadline)
+        }
+    }
+
+    /// What the file has written at every start is written for a jog, too, where every drive of the product has it.
+    #[test]
+    fn a_jog_begins_as_the_robot_does() {
+        const BASE: &str = include_str!("../../../robots/bmm.toml");
+        let of_all =
+            "parameters = [{ object = \"2100\", type = \"u8\", value = 0x51, state = \"safe_op\" }, ";
+        let of_one = "[[drive]]\nparameters = [{ object = \"2200\", type = \"u8\", value = 0x52 }]\n";
+        let terminal = "[[device]]\nname = \"coupler\"\nposition = 3\nkind = \"io\"\n\
+                        outputs = [{ pdo = \"0x1600\", map = \"7000.1:16\" }]\n\
+                        output = [{ name = \"level\", object = \"7000.1\", type = \"u16\" }]\n\
+                        parameters = [{ object = \"8000.1\", type = \"u8\", value = 0x53 }]\n";
+        let base = BASE.replacen("parameters = [", of_all, 1).replacen("[[drive]]\n", of_one, 1) + terminal;
+        let plan = robot_file::plan(&base, &Registry::with_built_in()).unwrap();
+        let sent = Rc::new(RefCell::new(Vec::new()));
+        let mut open = || -> Result<(Box<dyn Link>, omnibase_ethercat_sim::VirtualClock), String> {
+            let (segment, _) = omnibase_run::simulated::segment(&plan).map_err(|error| error.to_string())?;
+            let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+            Ok((Box::new(Kept { link, sent: Rc::clone(&sent) }), clock))
+        };
+        let (mut hand, mut keep, mut back_up) = (Nobody, |_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
+        let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
+        let mut guide = Guide::new(Wished::new(base.clone()), Record::default(), &mut open, outside).unwrap();
+        guide.find().unwrap();
+        sent.borrow_mut().clear();
+        guide.operational().unwrap();
+        let count = |object: [u8; 2], subindex: u8, value: u8| {
+            let bytes = [object[1], object[0], subindex, value];
+            sent.borrow().iter().filter(|frame| frame.windows(4).any(|part| part == bytes)).count()
+        };
+        assert_eq!(count([0x21, 0x00], 0, 0x51), 3, "each drive, in SAFE-OP");
+        assert_eq!(count([0x80, 0x00], 1, 0x53), 1, "the coupler");
+        assert_eq!(count([0x22, 0x00], 0, 0x52), 0, "whose wheel it turns isn't known");
+        let was: Vec<u16> = guide.record.drives[0].was.iter().map(|(index, ..)| *index).collect();
+        assert!(was.contains(&0x6085) && was.contains(&0x6072) && !was.contains(&0x2100), "{was:04x?}");
     }
 }

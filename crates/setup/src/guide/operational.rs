@@ -10,10 +10,12 @@ use omnibase_ethercat::cyclic::{
 use omnibase_ethercat::mailbox::MailboxRequest;
 use omnibase_ethercat::paced::{Leader, Pace, PacedBus};
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
+use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, LinkError};
 use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
 
+use super::at_start::AtStart;
 use super::{Guide, SetupError, in_words, who};
 use crate::drive::DriveMap;
 use crate::record::FoundDrive;
@@ -67,22 +69,30 @@ impl<C: Clock> Guide<'_, C> {
             read_back: ReadBack::Compare,
             origin: Some("nothing else would hold the drive to a low torque while it is jogged".into()),
         };
-        let config = |position: u16| {
-            let is_drive = self.record.drives.iter().any(|drive| drive.position == position);
+        let config = |found: &SubDevice| {
+            let position = found.position;
             let place = Some(Match::Position(position));
-            if !is_drive {
-                return SubDeviceConfig { place, ..SubDeviceConfig::default() };
-            }
+            let Some(drive) = self.record.drives.iter().find(|drive| drive.position == position) else {
+                let AtStart { pre_op, safe_op } = AtStart::of_device(&self.plan, found);
+                return SubDeviceConfig {
+                    place,
+                    sdos: pre_op,
+                    safe_op_sdos: safe_op,
+                    ..SubDeviceConfig::default()
+                };
+            };
+            let AtStart { pre_op, safe_op } = AtStart::of_drive(&self.plan, drive);
             SubDeviceConfig {
                 place,
-                sdos: vec![limit.clone()],
+                sdos: [vec![limit.clone()], pre_op].concat(),
+                safe_op_sdos: safe_op,
                 own_bytes: true,
                 dc: DcConfig::Sync0 { cycle_ns, shift_ns: 0 },
                 sync_mode: Some(SyncMode::Sync0),
                 ..SubDeviceConfig::default()
             }
         };
-        let configs: Vec<SubDeviceConfig> = (0..bus.subdevices().len() as u16).map(config).collect();
+        let configs: Vec<SubDeviceConfig> = bus.subdevices().iter().map(config).collect();
         bus.configure(&configs).map_err(|error| in_words(&error))?;
         let handover = bus.into_cyclic(ClockDirection::CycleFollowsDc).map_err(|error| in_words(&error))?;
         let Handover { bus, clock, subdevices } = handover;

@@ -10,6 +10,7 @@ use omnibase_ethercat::{Bus, BusOptions};
 
 use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 
+use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE};
 use super::{Guide, SetupError, in_words, is_product, who};
 use crate::record::{FoundDevice, FoundDrive};
 
@@ -18,9 +19,6 @@ const DRIVES: u32 = 402;
 /// "save" in 0x1010:01.
 const SAVE: u32 = 0x6576_6173;
 
-/// What a jog writes over in a drive: max torque, mode, how it is synchronised.
-const JOG_WRITES: [(u16, u8); 4] = [(MAX_TORQUE, 0), (0x6060, 0), (0x1C32, 1), (0x1C33, 1)];
-const MAX_TORQUE: u16 = 0x6072;
 /// Objects of CiA 402 in counts, where no factor group says otherwise: windows, positions, speeds, accelerations.
 const IN_COUNTS: [u16; 12] =
     [0x6065, 0x6067, 0x606D, 0x607C, 0x607F, 0x6080, 0x6081, 0x6083, 0x6084, 0x6085, 0x6099, 0x609A];
@@ -42,7 +40,7 @@ impl<C: Clock> Guide<'_, C> {
         Ok(bus)
     }
 
-    fn drives_on(bus: &mut AnyBus<C>) -> Vec<FoundDrive> {
+    fn drives_on(&self, bus: &mut AnyBus<C>) -> Vec<FoundDrive> {
         let mut drives = Vec::new();
         for position in 0..bus.subdevices().len() as u16 {
             let one = &bus.subdevices()[usize::from(position)];
@@ -70,7 +68,8 @@ impl<C: Clock> Guide<'_, C> {
             found.told_gear = ratio(0x6091).filter(|gear| TOLD_GEAR.contains(gear));
             found.rated_torque_nm =
                 read(0x6076, 0).filter(|torque| *torque > 0).map(|torque| f64::from(torque) / 1000.0);
-            for (index, subindex) in JOG_WRITES {
+            let at_start = AtStart::of_drive(&self.plan, &found);
+            for (index, subindex) in JOG_WRITES.into_iter().chain(at_start.objects()) {
                 let object = ObjectAddress::new(index, subindex);
                 let Ok(bytes) = bus.sdo_read(position, object, SdoAccess::Entry) else { continue };
                 // None at all is what a jog that was cut off left there.
@@ -86,7 +85,7 @@ impl<C: Clock> Guide<'_, C> {
     /// Finds the drives and notes what they say of themselves.
     pub(super) fn find(&mut self) -> Result<(), SetupError> {
         let mut bus = self.bus()?;
-        let drives = Self::drives_on(&mut bus);
+        let drives = self.drives_on(&mut bus);
         let is_drive = |position: u16| drives.iter().any(|drive| drive.position == position);
         let others = bus.subdevices().iter().filter(|one| !is_drive(one.position));
         self.record.others = others
@@ -146,7 +145,7 @@ impl<C: Clock> Guide<'_, C> {
     /// The drives are those of when the set-up was left.
     pub(super) fn compare(&mut self) -> Result<(), SetupError> {
         let mut bus = self.bus()?;
-        let now = Self::drives_on(&mut bus);
+        let now = self.drives_on(&mut bus);
         for was in &self.record.drives {
             let words = |one: &FoundDrive| who(one.vendor_id, one.product_code, one.serial);
             let found =
@@ -190,10 +189,7 @@ impl<C: Clock> Guide<'_, C> {
                 }
             }
         }
-        for text in failed {
-            self.hand.tell(&text);
-            self.record.found(text);
-        }
+        failed.into_iter().for_each(|text| self.tell_found(text));
     }
 
     /// The same at the end, where a jog was made since the bus was seen last; whoever isn't there now is told what is left.
@@ -204,11 +200,16 @@ impl<C: Clock> Guide<'_, C> {
                 let text = format!(
                     "max torque, mode and synchronisation of the drives are as the last jog left them: {error}"
                 );
-                self.hand.tell(&text);
-                self.record.found(text);
+                self.tell_found(text);
             }
         }
         self.kept();
+    }
+
+    /// Says what somebody has to look at, and keeps it.
+    fn tell_found(&mut self, text: String) {
+        self.hand.tell(&text);
+        self.record.found(text);
     }
 
     /// The file's parameters against what the drives hold: shown, written where wished, stored where wished.
@@ -219,14 +220,14 @@ impl<C: Clock> Guide<'_, C> {
         let drives = self.record.drives.clone();
         for drive in drives.iter().filter(|drive| drive.wheel.is_some()) {
             let wheel = drive.wheel.clone().unwrap_or_default();
-            let Some(plan) = self.plan.drives.iter().find(|plan| plan.name == wheel) else { continue };
-            if let Some(text) = other_units(plan, drive) {
-                self.hand.tell(&text);
-                self.record.found(text);
+            let plan = self.plan.drives.iter().find(|plan| plan.name == wheel).cloned();
+            let Some(plan) = plan else { continue };
+            if let Some(text) = other_units(&plan, drive) {
+                self.tell_found(text);
             }
             let mut differing = Vec::new();
             let (to_store, at_each_start): (Vec<_>, Vec<_>) =
-                plan.parameters.iter().cloned().partition(can_be_stored);
+                plan.parameters.into_iter().partition(can_be_stored);
             if !at_each_start.is_empty() {
                 let objects = at_each_start.iter().map(|one| ObjectAddress::new(one.index, one.subindex));
                 let objects: Vec<String> = objects.map(|object| object.to_string()).collect();
@@ -266,23 +267,25 @@ impl<C: Clock> Guide<'_, C> {
                 continue;
             }
             for (object, data) in differing {
-                bus.sdo_write(drive.position, object, &data).map_err(|error| in_words(&error))?;
-                let back = bus
-                    .sdo_read(drive.position, object, SdoAccess::Entry)
-                    .map_err(|error| in_words(&error))?;
-                if back != data {
-                    self.record.found(format!(
-                        "{wheel}: {object} was written {} and reads back {}",
-                        number(&data),
-                        number(&back)
-                    ));
+                let written = bus.sdo_write(drive.position, object, &data);
+                let back = written.and_then(|()| bus.sdo_read(drive.position, object, SdoAccess::Entry));
+                let data = number(&data);
+                match back.map(|back| number(&back)) {
+                    Ok(back) if back == data => {
+                        self.record.note(format!("{wheel}: {object} written: {data}"))
+                    }
+                    Ok(back) => {
+                        self.tell_found(format!(
+                            "{wheel}: {object} was written {data} and reads back {back}"
+                        ));
+                    }
+                    Err(error) => self.tell_found(format!("{wheel}: {object} isn't {data} now: {error}")),
                 }
-                self.record.note(format!("{wheel}: {object} written: {}", number(&data)));
             }
             if choice == "store" {
                 match bus.sdo_write(drive.position, ObjectAddress::new(0x1010, 1), &SAVE.to_le_bytes()) {
                     Ok(()) => self.record.note(format!("{wheel}: stored (0x1010)")),
-                    Err(error) => self.record.found(format!(
+                    Err(error) => self.tell_found(format!(
                         "{wheel}: it doesn't store: {error}; the file writes them at each start"
                     )),
                 }

@@ -1,0 +1,74 @@
+//! What the file has written at every start, for jogs: a drive that is turned otherwise than the robot will turn it shows nothing.
+
+use omnibase_ethercat::config::SubDeviceConfig;
+use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
+use omnibase_ethercat::subdevice::SubDevice;
+use omnibase_robot::RobotPlan;
+use omnibase_robot::config::BusPlace;
+
+use super::is_product;
+use crate::record::FoundDrive;
+
+/// What a jog writes over in a drive of its own: max torque, mode, how it is synchronised.
+pub(super) const JOG_WRITES: [(u16, u8); 4] = [(MAX_TORQUE, 0), (0x6060, 0), (0x1C32, 1), (0x1C33, 1)];
+pub(super) const MAX_TORQUE: u16 = 0x6072;
+
+/// The SDOs for one SubDevice.
+#[derive(Debug, Default)]
+pub(super) struct AtStart {
+    pub(super) pre_op: Vec<SdoWrite>,
+    pub(super) safe_op: Vec<SdoWrite>,
+}
+
+impl AtStart {
+    /// Those that every drive of this product is written: whose wheel it turns isn't known yet. Another product may refuse what
+    /// it hasn't.
+    pub(super) fn of_drive(plan: &RobotPlan, drive: &FoundDrive) -> AtStart {
+        let drives = plan.drives.iter().filter(|one| is_product(one, drive));
+        let mut all = drives.map(|one| AtStart::from(one.subdevice_config(&plan.bus)));
+        let Some(mut common) = all.next() else { return AtStart::default() };
+        for other in all {
+            common.pre_op.retain(|sdo| other.pre_op.iter().any(|one| is_same(one, sdo)));
+            common.safe_op.retain(|sdo| other.safe_op.iter().any(|one| is_same(one, sdo)));
+        }
+        for list in [&mut common.pre_op, &mut common.safe_op] {
+            list.retain(|sdo| !JOG_WRITES.contains(&(sdo.object.index, sdo.object.subindex)));
+            list.iter_mut()
+                .for_each(|sdo| (sdo.refusal, sdo.read_back) = (Refusal::IsTolerated, ReadBack::Skip));
+        }
+        common
+    }
+
+    /// Those of a SubDevice that the file has in this place: a coupler that waits for its list of modules keeps all from OP.
+    pub(super) fn of_device(plan: &RobotPlan, found: &SubDevice) -> AtStart {
+        let is_it = |place: BusPlace| match place {
+            BusPlace::Position(position) => position == found.position,
+            BusPlace::Alias(alias) => found.alias == Some(alias),
+            BusPlace::Identification(number) => found.identification == Some(number),
+        };
+        let is = |wanted: Option<u32>, found: u32| wanted.is_none_or(|wanted| wanted == found);
+        let identity = &found.identity;
+        let device = plan.devices.iter().find(|one| {
+            is_it(one.place)
+                && is(one.identity.vendor_id, identity.vendor_id)
+                && is(one.identity.product_code, identity.product_code)
+        });
+        device.map_or_else(AtStart::default, |one| one.subdevice_config(&plan.bus).into())
+    }
+
+    /// The objects that can be asked for what they were before.
+    pub(super) fn objects(&self) -> impl Iterator<Item = (u16, u8)> {
+        let entries = self.pre_op.iter().filter(|sdo| sdo.access == SdoAccess::Entry);
+        entries.map(|sdo| (sdo.object.index, sdo.object.subindex))
+    }
+}
+
+impl From<SubDeviceConfig> for AtStart {
+    fn from(config: SubDeviceConfig) -> Self {
+        AtStart { pre_op: config.sdos, safe_op: config.safe_op_sdos }
+    }
+}
+
+fn is_same(one: &SdoWrite, other: &SdoWrite) -> bool {
+    (one.object, &one.data, one.access) == (other.object, &other.data, other.access)
+}
