@@ -6,7 +6,7 @@ use crate::model::SlotIndex;
 use crate::notes::Notes;
 use crate::pdo::slot_index;
 use crate::texts::short;
-use crate::xml::Element;
+use crate::xml::{Element, quoted};
 
 /// Entries of all objects of a device; a device has some thousand.
 const ENTRY_LIMIT: usize = 100_000;
@@ -182,12 +182,11 @@ fn item(element: Element, notes: &mut Notes) -> Item {
 }
 
 /// PRE-OP, SAFE-OP and OP, where `PreOP_SafeOP` and the like name some of them (ETG.2000, `WriteRestrictions`).
-fn states_of(text: &str) -> [bool; 3] {
-    let is_named = |state| text.split('_').any(|one| one.eq_ignore_ascii_case(state));
-    match ["PreOP", "SafeOP", "OP"].map(is_named) {
-        [false, false, false] => [true; 3],
-        states => states,
-    }
+fn states_of(text: &str) -> Option<[bool; 3]> {
+    let names = ["PreOP", "SafeOP", "OP"];
+    let is = |one: &str, name: &str| one.eq_ignore_ascii_case(name);
+    let are_known = text.split('_').all(|one| names.iter().any(|name| is(one, name)));
+    are_known.then(|| names.map(|name| text.split('_').any(|one| is(one, name))))
 }
 
 fn rights(element: Element, notes: &mut Notes) -> ObjectRights {
@@ -200,7 +199,14 @@ fn rights(element: Element, notes: &mut Notes) -> ObjectRights {
                 rights.read = access != "wo";
                 rights.write_in = match child.attribute("WriteRestrictions") {
                     _ if access == "ro" => [false; 3],
-                    Some(states) => states_of(states),
+                    Some(states) => states_of(states).unwrap_or_else(|| {
+                        let text = format!(
+                            "WriteRestrictions: expected PreOP, SafeOP, OP with _ between them, found {}",
+                            quoted(states)
+                        );
+                        child.problem(text, notes);
+                        [true; 3]
+                    }),
                     None => [true; 3],
                 };
             }

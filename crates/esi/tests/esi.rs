@@ -450,6 +450,7 @@ fn states_in_which_an_object_may_be_written_are_read() {
         (" WriteRestrictions=\"SafeOP\"", "wo", [false, true, false]),
         (" WriteRestrictions=\"PreOP_SafeOP\"", "rw", [true, true, false]),
         (" WriteRestrictions=\"SafeOP_OP\"", "rw", [false, true, true]),
+        (" WriteRestrictions=\"SafeOP_Bogus\"", "rw", [true; 3]),
     ] {
         let types = "<DataTypes><DataType><Name>USINT</Name><BitSize>8</BitSize></DataType></DataTypes>";
         let object = entry(restrictions, access);
@@ -457,6 +458,8 @@ fn states_in_which_an_object_may_be_written_are_read() {
         let file = with_device(&format!("<Profile>{dictionary}</Profile>"));
         let rights = file.devices[0].dictionary[0].entries[0].rights;
         assert_eq!((rights.write_in, rights.read), (expected, access != "wo"), "{restrictions}");
+        let told = doubts(&file).iter().any(|told| told.contains("WriteRestrictions: expected PreOP"));
+        assert_eq!(told, restrictions.contains("Bogus"), "{:?}", doubts(&file));
     }
 }
 

@@ -173,6 +173,11 @@ fn prepare(subdevice: &mut SubDevice, timeouts: StateTimeouts) -> Result<Option<
         Some(mailbox) => Some(Mailbox::new(subdevice.station_address, mailbox).map_err(usable)?),
         None => None,
     };
+    if let (None, Some(sdo)) = (&mailbox, config.safe_op_sdos.first()) {
+        // Those in PRE-OP tell it by themselves; these would only on the way to OP.
+        let cause = StartUpFailure::NoMailbox { object: sdo.object, origin: sdo.origin.clone() };
+        return Err(StartUpError { position, cause }.into());
+    }
     subdevice.sync_managers = sync_manager::from_sii(&subdevice.sii, subdevice.mailbox, count);
     subdevice.fmmus.clear();
     subdevice.lrw_allowed = match config.lrw {

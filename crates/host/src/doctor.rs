@@ -108,6 +108,13 @@ pub fn segment_trouble(words: String) -> Finding {
     Finding::degraded("segment", why, words).mended("what it says", by_hand)
 }
 
+/// That nothing of the segment at the interface could be seen, and why.
+pub fn no_segment(words: String) -> Finding {
+    let by_hand = How::ByHand("it is a cable, a supply, or another program on the interface");
+    Finding::bad("segment", "without a segment there is nothing to move", words)
+        .mended("what it says", by_hand)
+}
+
 /// What isn't supported of the segment at the interface, and lacks nowhere.
 pub fn segment_note(words: String) -> Finding {
     Finding::good("segment", "what isn't supported here is for its maker's tools", words)

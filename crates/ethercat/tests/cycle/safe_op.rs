@@ -4,7 +4,6 @@ use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
-use omnibase_ethercat::SubDeviceConfig;
 use omnibase_ethercat::cyclic::{
     AcyclicRequest, AcyclicWork, ClockDirection, Comeback, Goal, RegisterAccess, Step, TransitionOptions,
     TransitionStatus,
@@ -13,7 +12,8 @@ use omnibase_ethercat::mailbox::MailboxRequest;
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::wire::Clock;
 use omnibase_ethercat::wire::coe::ObjectAddress;
-use omnibase_ethercat_sim::{Fault, FaultRates, Segment, SegmentFile};
+use omnibase_ethercat::{Bus, BusOptions, SubDeviceConfig};
+use omnibase_ethercat_sim::{Fault, FaultRates, Segment, SegmentFile, in_process};
 
 use crate::runner::{Runner, synchronous};
 
@@ -94,6 +94,21 @@ fn all_are_written_before_op_is_asked() {
     for position in 0..SERVOS as u16 {
         assert_eq!(read(&mut runner, position, WARM_UP), [1]);
     }
+}
+
+#[test]
+fn who_has_no_mailbox_is_named_before_anything_moves() {
+    let text = "[[subdevice]]\nkind = \"coupler\"\n[[subdevice]]\nkind = \"digital-io\"\ninputs = 8\n";
+    let segment = SegmentFile::parse(text).unwrap().build(Path::new(".")).unwrap();
+    let (link, clock) = in_process(segment);
+    let mut bus = Bus::new(link, clock, BusOptions::default());
+    let count = bus.scan().unwrap().len();
+    let mut configs = vec![SubDeviceConfig::default(); count];
+    configs[count - 1].safe_op_sdos.push(warm_up());
+    let error = bus.configure(&configs).unwrap_err().to_string();
+    let expected =
+        format!("SubDevice {}: SDO 2100:00 was asked, but the SubDevice has no CoE mailbox", count - 1);
+    assert_eq!(error, format!("{expected} (robot.toml line 7)"));
 }
 
 #[test]

@@ -59,7 +59,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     }
     findings.push(doctor::pauses(Duration::from_secs(arguments.pauses_s.into())));
     if let Some(interface) = arguments.interface.as_ref().filter(|_| arguments.segment) {
-        findings.extend(segment(interface)?);
+        findings.extend(segment(interface));
     }
     let verdict = doctor::worst(&findings);
     if arguments.json {
@@ -75,16 +75,20 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 }
 
 /// What `scan` sees of the segment that a person should do something about.
-fn segment(interface: &str) -> anyhow::Result<Vec<Finding>> {
+fn segment(interface: &str) -> Vec<Finding> {
     let target = Target::Interface(interface.to_owned());
-    let (found, refusal) = scan::look(&target, Manners { force: false, visible: false }, false)?;
+    let (found, refusal) = match scan::look(&target, Manners { force: false, visible: false }, false) {
+        Ok(found) => found,
+        // What was found of the machine may be the reason.
+        Err(error) => return vec![doctor::no_segment(format!("{error:#}"))],
+    };
     let fit = found.cycle.map_or("its process data fit into none".to_owned(), |cycle| cycle.words);
     let mut findings = vec![doctor::segment_cycle(fit)];
     findings.extend(found.notes.into_iter().map(doctor::segment_note));
     let refusal = refusal.map(|error| error.to_string());
     let trouble = found.warnings.into_iter().chain(refusal).chain(found.trouble);
     findings.extend(trouble.map(doctor::segment_trouble));
-    Ok(findings)
+    findings
 }
 
 /// A change that was tried.

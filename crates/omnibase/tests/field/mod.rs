@@ -329,6 +329,24 @@ fn an_exchange_says_whose_firmware_hung() {
     });
 }
 
+/// What was found of the machine may be the reason why nobody answers: it is told all the same.
+#[test]
+fn doctor_tells_of_the_machine_where_nobody_answers() {
+    let Some(namespace) = Namespace::for_test("doctor_tells_of_the_machine_where_nobody_answers") else {
+        return;
+    };
+    namespace.run(|| {
+        let doctor = omnibase(&["doctor", Namespace::NEAR, "--segment", "--pauses-s", "0", "--json"]);
+        let words = text(&doctor.stderr);
+        let page: serde_json::Value =
+            serde_json::from_slice(&doctor.stdout).unwrap_or_else(|_| panic!("{words}"));
+        let findings = page["findings"].as_array().unwrap();
+        let segment: Vec<_> = findings.iter().filter(|one| one["check"] == "segment").collect();
+        assert!(segment.len() == 1 && segment[0]["verdict"] == "bad", "{findings:?}");
+        assert!(findings.len() > 5 && doctor.status.code() == Some(1), "{findings:?}");
+    });
+}
+
 /// What hangs at the cable is as wrong as a segment gets while it still answers, and a frame is damaged now and then: `doctor`
 /// names all of it, by position and port, and says what to do.
 #[test]
