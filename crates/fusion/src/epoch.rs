@@ -224,7 +224,6 @@ impl Epoch {
         for heard in self.poses.iter().flatten() {
             self.take_pose(&sensors[heard.sensor], heard, known, truly);
         }
-        known.belief.settle();
     }
 }
 
