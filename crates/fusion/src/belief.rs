@@ -70,13 +70,17 @@ impl<const M: usize> Rows<M> {
 
     /// What errors make of each number.
     pub(crate) fn of(&self, errors: &Along) -> [f64; M] {
-        let twist = [0, 1, 2].map(|axis| self.of_twist(axis, errors));
-        self.rows.map(|Row { pose, twist: by, own }| {
-            let of = |derivatives: &[f64], values: &[f64]| -> f64 {
-                derivatives.iter().zip(values).map(|(derivative, value)| derivative * value).sum()
-            };
-            of(&pose, errors) + of(&by, &twist) + of(&own, &errors[self.own..])
-        })
+        let mut twist = [0.0; 3];
+        for (axis, of_twist) in twist.iter_mut().enumerate() {
+            *of_twist = self.of_twist(axis, errors);
+        }
+        let mut made = [0.0; M];
+        for (made, Row { pose, twist: by, own }) in made.iter_mut().zip(&self.rows) {
+            *made = pose[0] * errors[0] + pose[1] * errors[1] + pose[2] * errors[2]
+                + by[0] * twist[0] + by[1] * twist[1] + by[2] * twist[2]
+                + own[0] * errors[self.own] + own[1] * errors[self.own + 1];
+        }
+        made
     }
 
     /// The covariance of each number with all that is estimated.
@@ -96,7 +100,8 @@ impl<const M: usize> Rows<M> {
             }
             if self.rows.iter().any(|row| row.twist[axis] != 0.0) {
                 let at = GEOMETRY + 3 * axis;
-                let mut of_twist = covariance[SLIP + axis].map(|value| -value);
+                let mut of_twist = [0.0; STATES];
+                add_scaled(&mut of_twist, -1.0, &covariance[SLIP + axis]);
                 for (speed, values) in self.by_wheels.iter().zip(&covariance[at..]) {
                     add_scaled(&mut of_twist, *speed, values);
                 }
@@ -125,6 +130,8 @@ pub struct Belief {
 #[derive(Clone, Copy, Debug)]
 pub struct Innovation<const M: usize> {
     difference: [f64; M],
+    /// How it depends on what is estimated.
+    pub(crate) rows: Rows<M>,
     /// L with L·Lᵀ = S.
     root: [[f64; M]; M],
     carried: [Along; M],
@@ -182,6 +189,15 @@ impl Carrying {
         let u = &self.u;
         u[0] * p(GEOMETRY + 3 * i) + u[1] * p(GEOMETRY + 3 * i + 1) + u[2] * p(GEOMETRY + 3 * i + 2)
             - self.time_s * p(SLIP + i)
+    }
+
+    /// What something made of all that is estimated, after the step; itself it makes the step longer by so much.
+    fn along(&self, made: &mut Along, longer: [f64; 3]) {
+        let steps = [0, 1, 2].map(|i| self.wrong(|place| made[place], i) + longer[i]);
+        let turn = made[2];
+        for ((made, turned), swept) in made.iter_mut().zip(&self.turned).zip(self.swept) {
+            *made += swept * turn + turned.iter().zip(steps).map(|(turned, step)| turned * step).sum::<f64>();
+        }
     }
 
     /// Covariance of the pose after the step with the first `N` numbers before it.
@@ -290,6 +306,15 @@ impl Belief {
         self.covariance[place][place] += variance;
     }
 
+    /// All may be off along this by something of such a variance.
+    pub(crate) fn widen_along(&mut self, along: &Along, variance: f64) {
+        for (row, values) in self.covariance.iter_mut().enumerate() {
+            for (column, value) in values.iter_mut().enumerate() {
+                *value += variance * (along[row] * along[column]);
+            }
+        }
+    }
+
     /// Covariance of the pose: xx, xy, xψ, yy, yψ, ψψ.
     pub fn pose_covariance(&self) -> [f64; 6] {
         let p = &self.covariance;
@@ -321,12 +346,24 @@ impl Belief {
     }
 
     /// Carries the belief along a step that took a time, s, in which slip had such standard deviations, m/s and rad/s: that of
-    /// this step, its mean over that time. Gives the step as it is believed.
-    pub fn advance(&mut self, step: BodyStep, time_s: f64, slip_sigma: [f64; 3]) -> BodyStep {
+    /// this step, its mean over that time. With it goes what somethings made of all that is estimated, and by how much the step is
+    /// longer by each. Gives the step as it is believed.
+    pub(crate) fn advance<'a>(
+        &mut self,
+        step: BodyStep,
+        time_s: f64,
+        slip_sigma: [f64; 3],
+        made: impl Iterator<Item = (&'a mut Along, [f64; 3])>,
+    ) -> BodyStep {
         self.forget_slip(time_s, slip_sigma);
         let truly = self.corrected(step, time_s);
         let to = self.map_from_body.moved_by(truly);
         let carrying = Carrying::new(self.map_from_body, to, step, time_s);
+        let keep = slip_kept(time_s);
+        for (made, longer) in made {
+            made[SLIP..OWN].iter_mut().for_each(|slip| *slip *= keep);
+            carrying.along(made, longer);
+        }
         let rows = carrying.rows::<STATES>(&self.covariance);
         let block = carrying.block(&rows);
         let p = &mut self.covariance;
@@ -371,14 +408,14 @@ impl Belief {
         noise: &SMatrix<f64, M, M>,
     ) -> Option<Innovation<M>> {
         let carried = rows.carried(&self.covariance);
-        let mut expected = carried.map(|carried| rows.of(&carried));
-        for (r, row) in expected.iter_mut().enumerate() {
-            for (c, value) in row.iter_mut().enumerate() {
-                *value += noise[(r, c)];
+        let mut expected = [[0.0; M]; M];
+        for (r, (expected, carried)) in expected.iter_mut().zip(&carried).enumerate() {
+            for (c, (expected, of)) in expected.iter_mut().zip(rows.of(carried)).enumerate() {
+                *expected = of + noise[(r, c)];
             }
         }
         let root = root_of(&expected)?;
-        let mut innovation = Innovation { difference, root, carried, nis: 0.0 };
+        let mut innovation = Innovation { difference, rows: *rows, root, carried, nis: 0.0 };
         innovation.nis = innovation.whiten(difference).iter().map(|off| off * off).sum();
         innovation.nis.is_finite().then_some(innovation)
     }
@@ -386,9 +423,8 @@ impl Belief {
     /// Takes it in. The covariance stays symmetric to the bit: what one number takes from two places it takes alike.
     pub(crate) fn correct<const M: usize>(&mut self, Whitened { off, moves }: &Whitened<M>) {
         for (row, values) in self.covariance.iter_mut().enumerate() {
-            for (column, value) in values.iter_mut().enumerate() {
-                let taken: f64 = moves.iter().map(|moved| moved[row] * moved[column]).sum();
-                *value -= taken;
+            for moved in moves {
+                add_scaled(values, -moved[row], moved);
             }
         }
         let mut change = [0.0; STATES];

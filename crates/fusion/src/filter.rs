@@ -7,7 +7,7 @@ use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, CovarianceSettings, Kinematics, Pose2};
 
 use crate::belief::{Belief, OWN, SLIP_TIME_S};
-use crate::epoch::{Clock, Epoch, Inertia, Knowledge, Lean, rates};
+use crate::epoch::{CLOCKS, Clock, Epoch, Inertia, Knowledge, Lag, Lean, rates};
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::{Standing, Verdict};
 
@@ -142,9 +142,12 @@ impl Filter {
             strained_s: 0.0,
             shared_s: 0.0,
             twist: [0.0; 3],
+            slow: [0.0; 3],
+            change: [0.0; 3],
             driven: [0.0; 2],
             inertia: [Inertia::default(); MAX_RATES],
-            clocks: [Clock::default(); MAX_RATES],
+            clocks: [Clock::default(); CLOCKS],
+            lags: [Lag::default(); MAX_RATES],
             leans: [Lean::default(); MAX_SENSORS],
         };
         Filter {
@@ -257,6 +260,9 @@ impl Filter {
         }
         let map_from_body = belief.map_from_body.then(ahead);
         let mut covariance = belief.pose_covariance_at(map_from_body, told.log(), time_s);
+        for (covariance, by_clocks) in covariance.iter_mut().zip(known.by_clocks()) {
+            *covariance += by_clocks;
+        }
         let [doubt_m, doubt_rad] = known.doubt;
         covariance[0] += doubt_m * doubt_m;
         covariance[3] += doubt_m * doubt_m;
@@ -269,6 +275,7 @@ impl Filter {
         self.told.0.belief.corrected(step, time_s)
     }
 
+    #[allow(missing_docs)] pub fn debug_clocks(&self) -> String { self.told.0.debug_clocks() }
     /// What is thought of a sensor now, and chi² of its last reading over its degrees of freedom.
     pub fn verdict(&self, sensor: usize) -> (Verdict, f64) {
         let (Some(known), Some(standing)) = (self.sensors.get(sensor), self.told.0.standings.get(sensor))

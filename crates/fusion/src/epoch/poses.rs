@@ -4,7 +4,7 @@ use nalgebra::Matrix3;
 use omnibase_platform::{BodyStep, Pose2, wrap_angle_rad};
 
 use super::lean::{OF_POSES_S, share_of};
-use super::{ARM_M, Epoch, GATES, Heard, Knowledge, REPEATS_SIGMAS};
+use super::{ARM_M, CLOCKS, Epoch, GATES, Heard, Knowledge, REPEATS_SIGMAS};
 use crate::belief::{Belief, OWN, Row, Rows, SLIP};
 use crate::sensor::Sensor;
 use crate::standing::Verdict;
@@ -103,7 +103,7 @@ impl Epoch {
                 &innovation.off(),
             );
             known.doubt = lean.by().map_or([0.0; 2], |[x, y, turn]| [x.hypot(y), turn.abs()]);
-            known.belief.correct(&innovation.whitened());
+            known.take_in(&innovation, [None; CLOCKS], true);
             return;
         }
         if !agrees {

@@ -3,10 +3,11 @@
 use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, Twist2};
 
-use super::clocks::sees;
-use super::lean::{DRAWN_SIGMAS, OF_SPEEDS_S, share_of};
+use super::clocks::{CLOCKS, Changes, WHEELS};
+use super::lags::sees;
+use super::lean::{OF_SPEEDS_S, share_of};
 use super::{Epoch, GATES, Knowledge, REPEATS_SIGMAS, SHARED_S, Sum, rates};
-use crate::belief::{Belief, Innovation, OWN, Row, Rows, SLIP, SLIP_TIME_S, slip_kept};
+use crate::belief::{Belief, Innovation, OWN, Row, Rows, SLIP};
 use crate::sensor::{MAX_RATES, Sensor, SensorKind};
 use crate::standing::Verdict;
 
@@ -26,6 +27,8 @@ pub(super) struct Rates<'a> {
     pub(super) step: BodyStep,
     /// By how much the body's twist grows in a second, as the wheels tell.
     pub(super) gain: [f64; 3],
+    /// The same without what comes and goes from one epoch to the next.
+    pub(super) change: [f64; 3],
     /// Variances by which slip changes from an epoch to the next, (m/s)² and (rad/s)².
     pub(super) slip_drive: [f64; 3],
 }
@@ -42,13 +45,14 @@ impl Rates<'_> {
         // By how much each that is believed contradicts the wheels, in body axes.
         let mut off = [None; MAX_RATES];
         let mut numbers = 0;
+        let mut is_widened = false;
         for (rate, sensor, sum) in self.heard() {
             // A mouse that tells no motion at all is lifted off, or everything stands.
             let is_still = self.sensors[sensor].kind == SensorKind::Flow && sum.values == [0.0; 3];
             if known.standings[sensor].is_believed() && !is_still {
                 let (nis, own) = self.chi2((rate, sensor, sum), &known.belief);
                 let by = in_body(&self.sensors[sensor], own);
-                self.watch_clock(rate, sensor, own, known);
+                self.watch_lag(rate, sensor, own, known);
                 off[rate] = (nis > gate(self.sensors[sensor].kind)).then_some(by);
                 numbers += numbers_of(self.sensors[sensor].kind);
             }
@@ -69,6 +73,7 @@ impl Rates<'_> {
             }
             if self.all_agree(&slipping) {
                 known.belief = slipping.belief;
+                is_widened = true;
                 if self.heard().count() > 1 {
                     known.shared_s = SHARED_S;
                 }
@@ -76,44 +81,12 @@ impl Rates<'_> {
         }
         for one in self.heard() {
             match self.sensors[one.1].kind {
-                SensorKind::Turn | SensorKind::Inertial => self.take_one::<1>(one, known),
-                SensorKind::Flow => self.take_one::<2>(one, known),
-                _ => self.take_one::<3>(one, known),
+                SensorKind::Turn | SensorKind::Inertial => self.take_one::<1>(one, is_widened, known),
+                SensorKind::Flow => self.take_one::<2>(one, is_widened, known),
+                _ => self.take_one::<3>(one, is_widened, known),
             }
         }
-        self.judge_clocks(known);
-        for (rate, place, _) in self.heard() {
-            if self.sensors[place].kind.is_gyro() {
-                self.judge_drawn(rate, place, known);
-            }
-        }
-    }
-
-    /// Names a gyro that turns another way than the wheels while poses lean against it: it draws the heading away from them. Were it
-    /// the wheels that are wrong, poses would lean as it does. It stays named for as long as it goes on.
-    fn judge_drawn(&self, rate: usize, place: usize, known: &mut Knowledge) {
-        let lean = known.leans[place];
-        let off = lean.off(0);
-        // A mean of slip, which comes and goes, and what isn't known of the bias.
-        let keep = slip_kept(self.epoch.time_s);
-        let slip = self.slip_drive[2] / (1.0 - keep * keep) * SLIP_TIME_S / (SLIP_TIME_S + OF_SPEEDS_S);
-        let by_chance = (slip + known.belief.variance(OWN + 2 * rate)).sqrt();
-        let leans_against = |(sensor, other): (&Sensor, usize)| {
-            sensor.kind == SensorKind::Pose
-                && known.standings[other].agrees_now(self.epoch.end_ns)
-                && known.leans[other].along(2) * off.signum() < -DRAWN_SIGMAS[0]
-        };
-        let is_named = if lean.is_named {
-            off.abs() > 0.5 * DRAWN_SIGMAS[1] * by_chance
-        } else {
-            off.abs() > DRAWN_SIGMAS[1] * by_chance
-                && known.standings[place].is_believed()
-                && self.sensors.iter().zip(0..).any(leans_against)
-        };
-        known.leans[place].is_named = is_named;
-        if is_named {
-            known.standings[place].name(self.epoch.end_ns, Verdict::Contradicts);
-        }
+        self.judge_lags(known);
     }
 
     /// One bias in a thousand is further off than the gate of a reading lets pass, and would be gated for ever: where nothing was
@@ -182,8 +155,8 @@ impl Rates<'_> {
         (nis, std::array::from_fn(|n| said[n] - expected[n]))
     }
 
-    fn take_one<const M: usize>(&self, one: (usize, usize, &Sum), known: &mut Knowledge) {
-        let (_, place, sum) = one;
+    fn take_one<const M: usize>(&self, one: (usize, usize, &Sum), is_widened: bool, known: &mut Knowledge) {
+        let (rate, place, sum) = one;
         let sensor = &self.sensors[place];
         let (innovation, expected) = self.compare::<M>(one, &known.belief);
         let Some(innovation) = innovation else {
@@ -207,17 +180,33 @@ impl Rates<'_> {
         };
         let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };
         let is_taken = standing.judge(self.epoch.end_ns, contradicts, fault);
-        if is_taken || known.leans[place].is_named {
-            self.lean(place, since_s, &innovation, known);
-        }
+        let changes = self.changes(rate, sensor);
         if is_taken {
-            known.belief.correct(&innovation.whitened());
-        } else if !agrees && known.standings[place].is_doubtful() {
+            self.lean(place, since_s, &innovation, known);
+            known.take_in(&innovation, changes, !is_widened);
+        } else {
+            known.leave_out(rate, &innovation, changes);
+        }
+        if !is_taken && !agrees && known.standings[place].is_doubtful() {
             // Until others tell, it may be the wheels that are wrong.
             let off = size(&mean(sum), &expected, sensor.kind);
             known.doubt[0] += off[0] * self.epoch.time_s;
             known.doubt[1] += off[1] * self.epoch.time_s;
         }
+    }
+
+    /// By how much what a sensor tells changes with each clock in a second.
+    fn changes<const M: usize>(&self, rate: usize, sensor: &Sensor) -> Changes<M> {
+        let of = |twist| {
+            let change = self.by_twist(sensor, twist);
+            Some(std::array::from_fn(|m| change[m]))
+        };
+        let [x, y, turn] = self.change;
+        let mut changes = [None; CLOCKS];
+        changes[rate] = of(self.change);
+        changes[WHEELS[0]] = of([-x, -y, 0.0]);
+        changes[WHEELS[1]] = of([0.0, 0.0, -turn]);
+        changes
     }
 
     /// Takes in what a sensor is off that is believed: where it leans, it may be the wheels that are wrong, or what it says.
@@ -403,7 +392,7 @@ mod tests {
         let epoch = Epoch { time_s: 5e-3, ..Epoch::default() };
         let step = BodyStep::new(2e-3, -1e-3, 3e-3);
         let rates =
-            Rates { epoch: &epoch, sensors: &sensors, step, gain: [0.0; 3], slip_drive: [0.0; 3] };
+            Rates { epoch: &epoch, sensors: &sensors, step, gain: [0.0; 3], change: [0.0; 3], slip_drive: [0.0; 3] };
         let (innovation, expected) = rates.compare::<M>((0, 0, &Sum { count: 1, ..Sum::default() }), &belief);
         let variances = innovation.expect("a covariance").expected();
         std::array::from_fn(|m| [expected[m], variances[m].sqrt()])

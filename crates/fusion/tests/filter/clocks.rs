@@ -35,6 +35,7 @@ fn named(
             let reading = world.read(sensor, ago);
             filter.hear(place, instant_ns, &reading);
         }
+        if std::env::var("DBG").is_ok() && is_off && cycle % 50 == 0 && world.time_s() < 7.0 { println!("{:.2} {}", world.time_s(), filter.debug_clocks()); }
         for place in 0..sensors.len() {
             if matches!(filter.verdict(place).0, Verdict::Contradicts) {
                 if place == off_one && is_off {

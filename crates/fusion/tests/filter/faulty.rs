@@ -155,6 +155,7 @@ pub fn drive_for(time_s: f64, sensors: &[Sensor], fault: Option<Fault>, seed: u6
                 outcome.other.get_or_insert(place);
             }
         }
+        if std::env::var("DBG").is_ok() && cycle % 250 == 0 && since_s>-0.1 { println!("{since_s:.2} {}", filter.debug_clocks()); }
         // From when it fails on: before, all is as ever.
         if since_s <= 0.0 {
             continue;
