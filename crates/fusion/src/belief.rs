@@ -76,9 +76,14 @@ impl<const M: usize> Rows<M> {
         }
         let mut made = [0.0; M];
         for (made, Row { pose, twist: by, own }) in made.iter_mut().zip(&self.rows) {
-            *made = pose[0] * errors[0] + pose[1] * errors[1] + pose[2] * errors[2]
-                + by[0] * twist[0] + by[1] * twist[1] + by[2] * twist[2]
-                + own[0] * errors[self.own] + own[1] * errors[self.own + 1];
+            *made = pose[0] * errors[0]
+                + pose[1] * errors[1]
+                + pose[2] * errors[2]
+                + by[0] * twist[0]
+                + by[1] * twist[1]
+                + by[2] * twist[2]
+                + own[0] * errors[self.own]
+                + own[1] * errors[self.own + 1];
         }
         made
     }

@@ -15,8 +15,8 @@ use crate::belief::{Belief, OWN, slip_kept};
 use crate::filter::FilterSettings;
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::Standing;
-pub use clocks::{CLOCKS, Clock};
 use clocks::WHEELS;
+pub use clocks::{CLOCKS, Clock};
 pub use inertial::Inertia;
 pub use lags::Lag;
 pub use lean::Lean;
@@ -38,7 +38,7 @@ pub fn gate(kind: SensorKind) -> f64 {
 const STRAINING_M_S2: f64 = 0.8;
 const STRAINED_S: f64 = 0.3;
 /// How the twist changes is seen over so long, s.
-const SMOOTHED_S: f64 = 0.05;
+const SMOOTHED_S: f64 = 0.2;
 /// What several agreed in counts for so long, s.
 const SHARED_S: f64 = 0.05;
 const ARM_M: f64 = 0.35;

@@ -275,7 +275,6 @@ impl Filter {
         self.told.0.belief.corrected(step, time_s)
     }
 
-    #[allow(missing_docs)] pub fn debug_clocks(&self) -> String { self.told.0.debug_clocks() }
     /// What is thought of a sensor now, and chi² of its last reading over its degrees of freedom.
     pub fn verdict(&self, sensor: usize) -> (Verdict, f64) {
         let (Some(known), Some(standing)) = (self.sensors.get(sensor), self.told.0.standings.get(sensor))
@@ -285,6 +284,12 @@ impl Filter {
         let silent = self.last_heard_ns[sensor]
             .is_some_and(|last_ns| self.now_ns.saturating_sub(last_ns) > known.silent_ns);
         (if silent { Verdict::Silent } else { standing.verdict }, standing.nis)
+    }
+
+    /// How much too early the instants of a sensor that tells speeds seem to be, and the standard deviation of that, s: as far as
+    /// the motion of the last second shows it.
+    pub fn clock_s(&self, sensor: usize) -> Option<[f64; 2]> {
+        self.rates.get(sensor).and_then(|rate| self.told.0.clock_s(*rate))
     }
 
     /// Readings that were older than all that is kept, or more in an epoch than it holds.

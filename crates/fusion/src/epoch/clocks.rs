@@ -70,6 +70,7 @@ impl Clock {
         self.told.seconds * self.variance_s2()
     }
 
+    /// The variance of that.
     fn variance_s2(&self) -> f64 {
         1.0 / (self.told.weight + USUAL_S.powi(-2))
     }
@@ -91,21 +92,24 @@ impl Clock {
 
 fn told<const M: usize>(change: [f64; M], innovation: &Innovation<M>) -> Told {
     let off = innovation.whiten(innovation.off());
-    let sum = |one: [f64; M], other: [f64; M]| -> f64 { one.iter().zip(other).map(|(one, other)| one * other).sum() };
-    Told {
-        seconds: sum(change, off),
-        weight: sum(change, change),
-        beyond: innovation.nis - M as f64,
-    }
+    let sum = |one: [f64; M], other: [f64; M]| -> f64 {
+        one.iter().zip(other).map(|(one, other)| one * other).sum()
+    };
+    Told { seconds: sum(change, off), weight: sum(change, change), beyond: innovation.nis - M as f64 }
 }
 
 impl Knowledge {
+    /// What is known of a sensor's clock: how much too early its instants are, and the standard deviation of that, s.
+    pub(crate) fn clock_s(&self, rate: usize) -> Option<[f64; 2]> {
+        self.clocks.get(rate).map(|clock| [clock.early_s(), clock.variance_s2().sqrt()])
+    }
+
     /// What clocks that seem to be off may have made of the pose: its covariance, xx, xy, xψ, yy, yψ, ψψ.
     pub(crate) fn by_clocks(&self) -> [f64; 6] {
         let mut sum = [0.0; 6];
         for clock in self.clocks.iter().filter(|clock| clock.explains() > SEEMS) {
             let [x, y, turn, ..] = clock.drawn;
-            let off_s2 = clock.early_s().powi(2);
+            let off_s2 = clock.early_s().powi(2) + clock.variance_s2();
             for (sum, product) in sum.iter_mut().zip([x * x, x * y, x * turn, y * y, y * turn, turn * turn]) {
                 *sum += off_s2 * product;
             }
@@ -117,7 +121,8 @@ impl Knowledge {
     pub(super) fn forget_clocks(&mut self, time_s: f64) {
         let keep = (-time_s / MEMORY_S).exp();
         for Clock { drawn, told, .. } in &mut self.clocks {
-            *told = Told { seconds: keep * told.seconds, weight: keep * told.weight, beyond: keep * told.beyond };
+            *told =
+                Told { seconds: keep * told.seconds, weight: keep * told.weight, beyond: keep * told.beyond };
             drawn.iter_mut().for_each(|drawn| *drawn *= keep);
         }
     }
@@ -161,6 +166,9 @@ impl Knowledge {
         for (rate, (place, _)) in rates(sensors) {
             let clock = &self.clocks[rate];
             let off_s = clock.early_s();
+            if !self.standings[place].is_new() {
+                continue;
+            }
             if !self.standings[place].is_believed() {
                 if off_s.abs() > 0.5 * LEAST_OFF_S && clock.explains() > SURE {
                     self.standings[place].name(end_ns, Verdict::Contradicts);
@@ -183,11 +191,5 @@ impl Knowledge {
             self.clocks[rate] = Clock { drawn: [0.0; STATES], ..clock };
             self.standings[place].name(end_ns, Verdict::Contradicts);
         }
-    }
-}
-
-impl Knowledge {
-    #[allow(missing_docs)] pub fn debug_clocks(&self) -> String {
-        self.clocks.iter().map(|clock| format!("{:.1}ms {:.0}/{:.0} |", 1e3 * clock.early_s(), clock.explains(), clock.told.beyond)).collect()
     }
 }

@@ -1,8 +1,9 @@
-//! Whose clock is off: what such a sensor tells differs from what is expected as that changes, and from nobody else's so.
+//! Whose clock is off while the motion changes strongly: what such a sensor tells differs as that changes, and from nobody else's so.
 //!
-//! A reading whose instant is δ too early tells what will be: it is off by δ times the change of what is expected. That is
-//! looked for by a regression with an intercept over the last tenths of a second, so that a bias isn't taken for it. Wheels
-//! that begin to slip look alike: only where another sensor that would see the slip sees none, a clock is named.
+//! There a clock that is off looks like slip, and is gated or taken for it before its likelihood tells anything ([`super::clocks`]).
+//! What a sensor is off from the wheels, slip or not, is held against the change of what is expected, by a regression with an intercept
+//! over the last tenths of a second, so that a bias isn't taken for it. Wheels that begin to slip look alike: only where another sensor
+//! that would see the slip sees none, a clock is named.
 
 use super::rates::Rates;
 use super::{Knowledge, rates};

@@ -140,7 +140,8 @@ impl Rates<'_> {
 
     /// Takes a reading in where it agrees; whether it does.
     fn agrees<const M: usize>(&self, one: (usize, usize, &Sum), known: &mut Knowledge) -> bool {
-        let agreeing = self.compare::<M>(one, &known.belief).0.filter(|innovation| innovation.nis <= GATES[M - 1]);
+        let agreeing =
+            self.compare::<M>(one, &known.belief).0.filter(|innovation| innovation.nis <= GATES[M - 1]);
         agreeing.map(|innovation| known.belief.correct(&innovation.whitened())).is_some()
     }
 
@@ -391,8 +392,14 @@ mod tests {
         belief.widen(place, off * off);
         let epoch = Epoch { time_s: 5e-3, ..Epoch::default() };
         let step = BodyStep::new(2e-3, -1e-3, 3e-3);
-        let rates =
-            Rates { epoch: &epoch, sensors: &sensors, step, gain: [0.0; 3], change: [0.0; 3], slip_drive: [0.0; 3] };
+        let rates = Rates {
+            epoch: &epoch,
+            sensors: &sensors,
+            step,
+            gain: [0.0; 3],
+            change: [0.0; 3],
+            slip_drive: [0.0; 3],
+        };
         let (innovation, expected) = rates.compare::<M>((0, 0, &Sum { count: 1, ..Sum::default() }), &belief);
         let variances = innovation.expect("a covariance").expected();
         std::array::from_fn(|m| [expected[m], variances[m].sqrt()])
@@ -409,7 +416,10 @@ mod tests {
             for place in 3..OWN + 2 {
                 for (m, [told, sigma]) in expected::<M>(sensor, place, off).into_iter().enumerate() {
                     let changes = (told - right[m][0]).abs();
-                    assert!((changes - sigma).abs() < 1e-3 * off, "{kind:?}, {place}, {m}: {changes:e} {sigma:e}");
+                    assert!(
+                        (changes - sigma).abs() < 1e-3 * off,
+                        "{kind:?}, {place}, {m}: {changes:e} {sigma:e}"
+                    );
                 }
             }
         }
