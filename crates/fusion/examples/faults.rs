@@ -1,6 +1,6 @@
 //! What becomes of sensors that fail, kind by kind and fault by fault, in companies of others.
 //!
-//! `cargo run --release -p omnibase-fusion --example faults [-- <worlds>]`: 20 by default. After how long the sensor was named at the
+//! `cargo run --release -p omnibase-fusion --example faults [-- <worlds> [<fault>]]`: 20 by default, with each fault or with that one alone (`none`, `early`). After how long the sensor was named at the
 //! latest, as what; for which share of the time from the fault on the truth was outside of the ellipsoid of the covariance that holds
 //! it as often as three standard deviations hold one axis (0.27 % of the time where all is right), the mean NEES, and how far
 //! away it was at most, in standard deviations of x, y and heading: without a fault it is what stands first. The motion is even: to how
@@ -14,17 +14,22 @@ mod faulty;
 #[path = "../tests/filter/world.rs"]
 mod world;
 
-use faulty::{FAULTS, Outcome, companies, drive};
+use faulty::{FAULTS, Fault, Outcome, companies, drive};
 
 fn main() {
     let worlds: u64 = std::env::args().nth(1).map_or(20, |text| text.parse().expect("how many worlds"));
+    let asked = std::env::args().nth(2);
+    let name_of = |fault: Option<Fault>| fault.map_or("none".to_owned(), |fault| format!("{fault:?}"));
+    let is_asked = |fault: &Option<Fault>| {
+        asked.as_ref().is_none_or(|asked| name_of(*fault).eq_ignore_ascii_case(asked))
+    };
     println!("{worlds} worlds of 8 s; the first sensor of each company fails after 5 s\n");
     println!(
         "| sensor, company | fault | named after s | as | unnamed | others named | outside % | NEES | truth within σ | its clock shown to ms |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|");
     for (name, sensors) in companies() {
-        for fault in std::iter::once(None).chain(FAULTS.map(Some)) {
+        for fault in std::iter::once(None).chain(FAULTS.map(Some)).filter(is_asked) {
             let all: Vec<Outcome> = std::thread::scope(|scope| {
                 let sensors = &sensors;
                 let share = |thread: u64| {
@@ -49,7 +54,7 @@ fn main() {
                 mean_s if mean_s.is_finite() => format!("{:.0}", 1e3 * mean_s),
                 _ => String::new(),
             };
-            let fault = fault.map_or("none".to_owned(), |fault| format!("{fault:?}"));
+            let fault = name_of(fault);
             println!(
                 "| {name} | {fault} | {latest_s:.3} | {} | {unnamed} | {others} | {outside:.2} | {nees:.2} | {sigmas:.2} | {shown} |",
                 verdicts.join(", ")

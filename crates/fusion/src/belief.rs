@@ -161,7 +161,8 @@ fn root_of<const M: usize>(s: &[[f64; M]; M]) -> Option<[[f64; M]; M]> {
             let known: f64 = (0..c).map(|n| root[r][n] * root[c][n]).sum();
             root[r][c] = if r == c { (s[r][r] - known).sqrt() } else { (s[r][c] - known) / root[c][c] };
         }
-        if !(root[r][r] > 0.0) {
+        // What is no number neither.
+        if root[r][r].is_nan() || root[r][r] <= 0.0 {
             return None;
         }
     }
