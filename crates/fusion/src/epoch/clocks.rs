@@ -9,7 +9,7 @@
 
 use super::{Knowledge, rates};
 use crate::belief::{Along, Innovation, STATES};
-use crate::sensor::{MAX_RATES, Sensor};
+use crate::sensor::{MAX_RATES, Sensor, SensorKind};
 use crate::standing::Verdict;
 
 /// By so much clocks are off, where they are, s.
@@ -161,8 +161,12 @@ impl Knowledge {
         clock.told.add(told(change, innovation));
     }
 
-    /// Names a sensor whose clock is off, and undoes what that made.
+    /// Names a sensor whose clock is off. What that made is undone where poses agree, and counts in the covariance elsewhere.
     pub(super) fn judge_clocks(&mut self, sensors: &[Sensor], end_ns: u64) {
+        let is_placed_by_poses = sensors
+            .iter()
+            .zip(&self.standings)
+            .any(|(sensor, standing)| sensor.kind == SensorKind::Pose && standing.agrees_now(end_ns));
         for (rate, (place, _)) in rates(sensors) {
             let clock = &self.clocks[rate];
             let off_s = clock.early_s();
@@ -185,8 +189,14 @@ impl Knowledge {
                 continue;
             }
             let clock = *clock;
-            self.belief.shift(&clock.drawn.map(|drawn| -off_s * drawn));
-            self.belief.widen_along(&clock.drawn, clock.variance_s2());
+            let mut left_s2 = clock.variance_s2();
+            if is_placed_by_poses {
+                self.belief.shift(&clock.drawn.map(|drawn| -off_s * drawn));
+            } else {
+                // Nobody would see it if that were wrong.
+                left_s2 += off_s * off_s;
+            }
+            self.belief.widen_along(&clock.drawn, left_s2);
             self.clocks = Default::default();
             self.clocks[rate] = Clock { drawn: [0.0; STATES], ..clock };
             self.standings[place].name(end_ns, Verdict::Contradicts);
