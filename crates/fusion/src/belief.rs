@@ -4,7 +4,7 @@
 //! wheels make of it (to first order a constant matrix, whatever the layout), s the speed by which they slip over the
 //! floor: a Gauss-Markov process whose strength goes with the motion.
 
-use nalgebra::{Cholesky, SMatrix, SVector};
+use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, Pose2};
 
 use crate::sensor::MAX_RATES;
@@ -19,8 +19,6 @@ pub(crate) const SLIP: usize = 12;
 pub(crate) const OWN: usize = 15;
 /// Numbers beside the pose.
 const ERRORS: usize = STATES - 3;
-/// Most numbers on which one number of a reading depends.
-const TERMS: usize = 12;
 
 /// Slip that is no part of the wheels' geometry comes and goes within so long, s: about that of a platform's own
 /// accelerations.
@@ -31,47 +29,96 @@ pub(crate) fn slip_kept(time_s: f64) -> f64 {
     (-time_s / SLIP_TIME_S).exp()
 }
 
-/// How one number of a reading depends on what is estimated: places and derivatives.
-#[derive(Clone, Copy, Debug, Default)]
+/// All that is estimated, number by number: an error of it, or what one number has to do with each.
+pub(crate) type Along = [f64; STATES];
+
+/// How one number of a reading depends on what is estimated.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Row {
-    terms: [(usize, f64); TERMS],
-    length: usize,
+    /// On the pose.
+    pub pose: [f64; 3],
+    /// On the body's twist.
+    pub twist: [f64; 3],
+    /// On the sensor's own two.
+    pub own: [f64; 2],
 }
 
-impl Row {
-    /// Of such terms; there are never more than it holds.
-    pub fn of(terms: &[(usize, f64)]) -> Row {
-        let mut row = Row::default();
-        for term in terms {
-            row.add(*term);
+/// How the numbers of a reading do.
+#[derive(Clone, Copy, Debug)]
+pub struct Rows<const M: usize> {
+    /// Number by number.
+    pub rows: [Row; M],
+    /// The body's twist as the wheels tell it, by which its errors count, m/s and rad/s.
+    pub by_wheels: [f64; 3],
+    /// The place of the sensor's own.
+    pub own: usize,
+}
+
+fn add_scaled(sum: &mut Along, factor: f64, values: &Along) {
+    for (sum, value) in sum.iter_mut().zip(values) {
+        *sum += factor * value;
+    }
+}
+
+impl<const M: usize> Rows<M> {
+    /// What errors make of the body's twist along an axis.
+    fn of_twist(&self, axis: usize, errors: &Along) -> f64 {
+        let [x, y, turn] = self.by_wheels;
+        let at = GEOMETRY + 3 * axis;
+        x * errors[at] + y * errors[at + 1] + turn * errors[at + 2] - errors[SLIP + axis]
+    }
+
+    /// What errors make of each number.
+    pub(crate) fn of(&self, errors: &Along) -> [f64; M] {
+        let mut twist = [0.0; 3];
+        for (axis, of_twist) in twist.iter_mut().enumerate() {
+            *of_twist = self.of_twist(axis, errors);
         }
-        row
-    }
-
-    /// One more; a place may come twice.
-    pub fn add(&mut self, (place, derivative): (usize, f64)) {
-        if let Some(known) = self.terms[..self.length].iter_mut().find(|(known, _)| *known == place) {
-            known.1 += derivative;
-        } else if let Some(free) = self.terms.get_mut(self.length) {
-            *free = (place, derivative);
-            self.length += 1;
+        let mut made = [0.0; M];
+        for (made, Row { pose, twist: by, own }) in made.iter_mut().zip(&self.rows) {
+            *made = pose[0] * errors[0]
+                + pose[1] * errors[1]
+                + pose[2] * errors[2]
+                + by[0] * twist[0]
+                + by[1] * twist[1]
+                + by[2] * twist[2]
+                + own[0] * errors[self.own]
+                + own[1] * errors[self.own + 1];
         }
+        made
     }
 
-    /// A row's terms times a factor, added.
-    pub(crate) fn add_scaled(&mut self, other: &Row, factor: f64) {
-        for (place, derivative) in &other.terms[..other.length] {
-            self.add((*place, derivative * factor));
+    /// The covariance of each number with all that is estimated.
+    fn carried(&self, covariance: &[Along; STATES]) -> [Along; M] {
+        let mut carried = [[0.0; STATES]; M];
+        let mut add = |values: &Along, derivative: &dyn Fn(&Row) -> f64| {
+            for (carried, row) in carried.iter_mut().zip(&self.rows) {
+                match derivative(row) {
+                    0.0 => {}
+                    factor => add_scaled(carried, factor, values),
+                }
+            }
+        };
+        for axis in 0..3 {
+            if self.rows.iter().any(|row| row.pose[axis] != 0.0) {
+                add(&covariance[axis], &|row| row.pose[axis]);
+            }
+            if self.rows.iter().any(|row| row.twist[axis] != 0.0) {
+                let at = GEOMETRY + 3 * axis;
+                let mut of_twist = [0.0; STATES];
+                add_scaled(&mut of_twist, -1.0, &covariance[SLIP + axis]);
+                for (speed, values) in self.by_wheels.iter().zip(&covariance[at..]) {
+                    add_scaled(&mut of_twist, *speed, values);
+                }
+                add(&of_twist, &|row| row.twist[axis]);
+            }
         }
-    }
-
-    fn terms(&self) -> &[(usize, f64)] {
-        &self.terms[..self.length]
-    }
-
-    /// How it depends on one place.
-    pub(crate) fn on(&self, place: usize) -> f64 {
-        self.terms().iter().find(|(known, _)| *known == place).map_or(0.0, |(_, derivative)| *derivative)
+        for n in 0..2 {
+            if self.rows.iter().any(|row| row.own[n] != 0.0) {
+                add(&covariance[self.own + n], &|row| row.own[n]);
+            }
+        }
+        carried
     }
 }
 
@@ -81,20 +128,45 @@ pub struct Belief {
     /// Where the platform is.
     pub map_from_body: Pose2,
     errors: [f64; ERRORS],
-    covariance: [[f64; STATES]; STATES],
+    covariance: [Along; STATES],
 }
 
-/// A reading against what is believed, ready to be taken in.
+/// A reading against what is believed.
 #[derive(Clone, Copy, Debug)]
 pub struct Innovation<const M: usize> {
-    difference: SVector<f64, M>,
-    /// S⁻¹.
-    inverse: SMatrix<f64, M, M>,
-    carried: [[f64; STATES]; M],
+    difference: [f64; M],
+    /// How it depends on what is estimated.
+    pub(crate) rows: Rows<M>,
+    /// L with L·Lᵀ = S.
+    root: [[f64; M]; M],
+    carried: [Along; M],
     /// ν'·S⁻¹·ν: chi² with M degrees of freedom where all is as believed.
     pub nis: f64,
-    /// The diagonal of S: what each number's square was expected to be.
-    pub(crate) expected: [f64; M],
+}
+
+/// A reading whose numbers have variance 1 and nothing to do with each other: L⁻¹ of all, ready to be taken in.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Whitened<const M: usize> {
+    /// By how much it is off.
+    pub(crate) off: [f64; M],
+    /// Its covariance with all that is estimated: what one of each number off moves.
+    pub(crate) moves: [Along; M],
+}
+
+/// L with L·Lᵀ = S; `None` where S is no covariance.
+fn root_of<const M: usize>(s: &[[f64; M]; M]) -> Option<[[f64; M]; M]> {
+    let mut root = [[0.0; M]; M];
+    for r in 0..M {
+        for c in 0..=r {
+            let known: f64 = (0..c).map(|n| root[r][n] * root[c][n]).sum();
+            root[r][c] = if r == c { (s[r][r] - known).sqrt() } else { (s[r][c] - known) / root[c][c] };
+        }
+        // What is no number neither.
+        if root[r][r].is_nan() || root[r][r] <= 0.0 {
+            return None;
+        }
+    }
+    Some(root)
 }
 
 /// How the error of a pose after a step depends on all errors before it.
@@ -125,8 +197,17 @@ impl Carrying {
             - self.time_s * p(SLIP + i)
     }
 
+    /// What something made of all that is estimated, after the step; itself it makes the step longer by so much.
+    fn along(&self, made: &mut Along, longer: [f64; 3]) {
+        let steps = [0, 1, 2].map(|i| self.wrong(|place| made[place], i) + longer[i]);
+        let turn = made[2];
+        for ((made, turned), swept) in made.iter_mut().zip(&self.turned).zip(self.swept) {
+            *made += swept * turn + turned.iter().zip(steps).map(|(turned, step)| turned * step).sum::<f64>();
+        }
+    }
+
     /// Covariance of the pose after the step with the first `N` numbers before it.
-    fn rows<const N: usize>(&self, p: &[[f64; STATES]; STATES]) -> [[f64; N]; 3] {
+    fn rows<const N: usize>(&self, p: &[Along; STATES]) -> [[f64; N]; 3] {
         let mut steps = [[0.0; N]; 3];
         for (i, step) in steps.iter_mut().enumerate() {
             for (column, value) in step.iter_mut().enumerate() {
@@ -168,7 +249,34 @@ impl Carrying {
 impl<const M: usize> Innovation<M> {
     /// By how much the reading is off.
     pub(crate) fn off(&self) -> [f64; M] {
-        std::array::from_fn(|m| self.difference[m])
+        self.difference
+    }
+
+    /// What the square of each number was expected to be.
+    pub(crate) fn expected(&self) -> [f64; M] {
+        self.root.map(|row| row.iter().map(|value| value * value).sum())
+    }
+
+    /// L⁻¹ of numbers.
+    pub(crate) fn whiten(&self, mut values: [f64; M]) -> [f64; M] {
+        for r in 0..M {
+            let known: f64 = (0..r).map(|c| self.root[r][c] * values[c]).sum();
+            values[r] = (values[r] - known) / self.root[r][r];
+        }
+        values
+    }
+
+    pub(crate) fn whitened(&self) -> Whitened<M> {
+        let mut moves = self.carried;
+        for r in 0..M {
+            let (known, rest) = moves.split_at_mut(r);
+            for (known, factor) in known.iter().zip(&self.root[r]) {
+                add_scaled(&mut rest[0], -factor, known);
+            }
+            let per = 1.0 / self.root[r][r];
+            rest[0].iter_mut().for_each(|value| *value *= per);
+        }
+        Whitened { off: self.whiten(self.difference), moves }
     }
 }
 
@@ -204,6 +312,15 @@ impl Belief {
         self.covariance[place][place] += variance;
     }
 
+    /// All may be off along this by something of such a variance.
+    pub(crate) fn widen_along(&mut self, along: &Along, variance: f64) {
+        for (row, values) in self.covariance.iter_mut().enumerate() {
+            for (column, value) in values.iter_mut().enumerate() {
+                *value += variance * (along[row] * along[column]);
+            }
+        }
+    }
+
     /// Covariance of the pose: xx, xy, xψ, yy, yψ, ψψ.
     pub fn pose_covariance(&self) -> [f64; 6] {
         let p = &self.covariance;
@@ -235,12 +352,24 @@ impl Belief {
     }
 
     /// Carries the belief along a step that took a time, s, in which slip had such standard deviations, m/s and rad/s: that of
-    /// this step, its mean over that time. Gives the step as it is believed.
-    pub fn advance(&mut self, step: BodyStep, time_s: f64, slip_sigma: [f64; 3]) -> BodyStep {
+    /// this step, its mean over that time. With it goes what somethings made of all that is estimated, and by how much the step is
+    /// longer by each. Gives the step as it is believed.
+    pub(crate) fn advance<'a>(
+        &mut self,
+        step: BodyStep,
+        time_s: f64,
+        slip_sigma: [f64; 3],
+        made: impl Iterator<Item = (&'a mut Along, [f64; 3])>,
+    ) -> BodyStep {
         self.forget_slip(time_s, slip_sigma);
         let truly = self.corrected(step, time_s);
         let to = self.map_from_body.moved_by(truly);
         let carrying = Carrying::new(self.map_from_body, to, step, time_s);
+        let keep = slip_kept(time_s);
+        for (made, longer) in made {
+            made[SLIP..OWN].iter_mut().for_each(|slip| *slip *= keep);
+            carrying.along(made, longer);
+        }
         let rows = carrying.rows::<STATES>(&self.covariance);
         let block = carrying.block(&rows);
         let p = &mut self.covariance;
@@ -281,68 +410,43 @@ impl Belief {
     pub fn innovation<const M: usize>(
         &self,
         difference: [f64; M],
-        rows: &[Row; M],
+        rows: &Rows<M>,
         noise: &SMatrix<f64, M, M>,
     ) -> Option<Innovation<M>> {
-        let mut carried = [[0.0; STATES]; M];
-        for (carried, row) in carried.iter_mut().zip(rows) {
-            for (place, derivative) in row.terms() {
-                for (sum, value) in carried.iter_mut().zip(&self.covariance[*place]) {
-                    *sum += derivative * value;
-                }
+        let carried = rows.carried(&self.covariance);
+        let mut expected = [[0.0; M]; M];
+        for (r, (expected, carried)) in expected.iter_mut().zip(&carried).enumerate() {
+            for (c, (expected, of)) in expected.iter_mut().zip(rows.of(carried)).enumerate() {
+                *expected = of + noise[(r, c)];
             }
         }
-        let expected = SMatrix::<f64, M, M>::from_fn(|r, c| {
-            rows[r].terms().iter().map(|(place, derivative)| derivative * carried[c][*place]).sum::<f64>()
-        });
-        let expected = (expected + expected.transpose()) * 0.5 + noise;
-        let variances = std::array::from_fn(|m| expected[(m, m)]);
-        let inverse = Cholesky::new(expected)?.inverse();
-        let difference = SVector::from(difference);
-        let nis = difference.dot(&(inverse * difference));
-        nis.is_finite().then_some(Innovation { difference, inverse, carried, nis, expected: variances })
+        let root = root_of(&expected)?;
+        let mut innovation = Innovation { difference, rows: *rows, root, carried, nis: 0.0 };
+        innovation.nis = innovation.whiten(difference).iter().map(|off| off * off).sum();
+        innovation.nis.is_finite().then_some(innovation)
     }
 
-    /// Takes it in.
-    pub fn correct<const M: usize>(&mut self, innovation: &Innovation<M>) {
-        let Innovation { difference, inverse, carried, .. } = innovation;
-        let mut gains = [[0.0; STATES]; M];
-        for (m, gain) in gains.iter_mut().enumerate() {
-            for (other, carried) in carried.iter().enumerate() {
-                for (sum, value) in gain.iter_mut().zip(carried) {
-                    *sum += inverse[(m, other)] * value;
-                }
+    /// Takes it in. The covariance stays symmetric to the bit: what one number takes from two places it takes alike.
+    pub(crate) fn correct<const M: usize>(&mut self, Whitened { off, moves }: &Whitened<M>) {
+        for (row, values) in self.covariance.iter_mut().enumerate() {
+            for moved in moves {
+                add_scaled(values, -moved[row], moved);
             }
         }
         let mut change = [0.0; STATES];
-        for (gain, difference) in gains.iter().zip(difference.iter()) {
-            for (sum, gain) in change.iter_mut().zip(gain) {
-                *sum += gain * difference;
-            }
+        for (moved, off) in moves.iter().zip(off) {
+            add_scaled(&mut change, *off, moved);
         }
-        for (gain, carried) in gains.iter().zip(carried) {
-            for (row, gain) in self.covariance.iter_mut().zip(gain) {
-                for (value, carried) in row.iter_mut().zip(carried) {
-                    *value -= gain * carried;
-                }
-            }
-        }
+        self.shift(&change);
+    }
+
+    /// Moves all that is estimated.
+    pub(crate) fn shift(&mut self, change: &Along) {
         self.map_from_body.x_m += change[0];
         self.map_from_body.y_m += change[1];
         self.map_from_body.heading_rad += change[2];
         for (error, change) in self.errors.iter_mut().zip(&change[3..]) {
             *error += change;
-        }
-    }
-
-    /// Rounding must not make it drift away from symmetry over hours.
-    pub(crate) fn settle(&mut self) {
-        for row in 1..STATES {
-            for column in 0..row {
-                let mean = 0.5 * (self.covariance[row][column] + self.covariance[column][row]);
-                self.covariance[row][column] = mean;
-                self.covariance[column][row] = mean;
-            }
         }
     }
 

@@ -4,6 +4,7 @@
 
 mod clocks;
 mod inertial;
+mod lags;
 mod lean;
 mod poses;
 mod rates;
@@ -14,8 +15,10 @@ use crate::belief::{Belief, OWN, slip_kept};
 use crate::filter::FilterSettings;
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::Standing;
-pub use clocks::Clock;
+use clocks::WHEELS;
+pub use clocks::{CLOCKS, Clock};
 pub use inertial::Inertia;
+pub use lags::Lag;
 pub use lean::Lean;
 use rates::Rates;
 
@@ -34,6 +37,8 @@ pub fn gate(kind: SensorKind) -> f64 {
 /// long, s. Turns count at a usual distance of the wheels, m.
 const STRAINING_M_S2: f64 = 0.8;
 const STRAINED_S: f64 = 0.3;
+/// How the twist changes is seen over so long, s.
+const SMOOTHED_S: f64 = 0.2;
 /// What several agreed in counts for so long, s.
 const SHARED_S: f64 = 0.05;
 const ARM_M: f64 = 0.35;
@@ -112,12 +117,18 @@ pub struct Knowledge {
     pub shared_s: f64,
     /// The body's twist in the epoch before, as wheels tell.
     pub twist: [f64; 3],
+    /// That over lately.
+    pub slow: [f64; 3],
+    /// And how it changes.
+    pub change: [f64; 3],
     /// How far the wheels drove since the beginning, m and rad: the way's length and the turns'.
     pub driven: [f64; 2],
     /// What is known of accelerometers, by their places among those that tell speeds.
     pub inertia: [Inertia; MAX_RATES],
-    /// What is known of the clocks of those that tell speeds.
-    pub clocks: [Clock; MAX_RATES],
+    /// What is known of the clocks of those that tell speeds, and of the wheels'.
+    pub clocks: [Clock; CLOCKS],
+    /// How those that tell speeds are off as what they tell changes.
+    pub lags: [Lag; MAX_RATES],
     /// What each sensor was off lately.
     pub leans: [Lean; MAX_SENSORS],
 }
@@ -126,6 +137,18 @@ impl Knowledge {
     /// How far a wheel drove, whichever way, m.
     fn driven_m(&self) -> f64 {
         self.driven[0] + ARM_M * self.driven[1]
+    }
+
+    /// By how much the twist grew in a second lately. This epoch's has no part in it: what wheels slip in it would seem to have to
+    /// do with what sensors are off.
+    fn next_change(&mut self, time_s: f64) -> [f64; 3] {
+        let share = 1.0 - (-time_s / SMOOTHED_S).exp();
+        let change = self.change;
+        for (slow, now) in self.slow.iter_mut().zip(self.twist) {
+            *slow += share * (now - *slow);
+        }
+        self.change = std::array::from_fn(|n| (self.twist[n] - self.slow[n]) / SMOOTHED_S);
+        change
     }
 
     /// Notices when wheels are accelerated as floors may not carry; by how much the twist grows in a second.
@@ -203,9 +226,20 @@ impl Epoch {
         for sigma in &mut sigma {
             *sigma = sigma.hypot(self.slip_m_s);
         }
+        let change = known.next_change(self.time_s);
         let gain = known.strain(step, self.time_s, self.slip_m_s);
         self.feel(sensors, step, gain, known);
-        let truly = known.belief.advance(step, self.time_s, sigma);
+        known.forget_clocks(self.time_s);
+        let longer = change.map(|change| change * self.time_s);
+        let longer = |clock| match WHEELS.iter().position(|wheels| *wheels == clock) {
+            Some(0) => [longer[0], longer[1], 0.0],
+            Some(_) => [0.0, 0.0, longer[2]],
+            None => [0.0; 3],
+        };
+        let Knowledge { belief, clocks, .. } = known;
+        let drawn = clocks.iter_mut().enumerate();
+        let drawn = drawn.map(|(n, clock)| (&mut clock.drawn, longer(n)));
+        let truly = belief.advance(step, self.time_s, sigma, drawn);
         known.driven[0] += step.distance_m();
         known.driven[1] += step.angle_rad.abs();
         let [way_m, turn_rad] = self.unread;
@@ -219,12 +253,12 @@ impl Epoch {
         if !self.has_gap {
             let keep = slip_kept(self.time_s);
             let slip_drive = sigma.map(|sigma| sigma * sigma * (1.0 - keep * keep));
-            Rates { epoch: self, sensors, step, gain, slip_drive }.take(known);
+            Rates { epoch: self, sensors, step, gain, change, slip_drive }.take(known);
         }
         for heard in self.poses.iter().flatten() {
             self.take_pose(&sensors[heard.sensor], heard, known, truly);
         }
-        known.belief.settle();
+        known.judge_clocks(sensors, self.end_ns);
     }
 }
 

@@ -7,7 +7,7 @@ use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, CovarianceSettings, Kinematics, Pose2};
 
 use crate::belief::{Belief, OWN, SLIP_TIME_S};
-use crate::epoch::{Clock, Epoch, Inertia, Knowledge, Lean, rates};
+use crate::epoch::{CLOCKS, Clock, Epoch, Inertia, Knowledge, Lag, Lean, rates};
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::{Standing, Verdict};
 
@@ -142,9 +142,12 @@ impl Filter {
             strained_s: 0.0,
             shared_s: 0.0,
             twist: [0.0; 3],
+            slow: [0.0; 3],
+            change: [0.0; 3],
             driven: [0.0; 2],
             inertia: [Inertia::default(); MAX_RATES],
-            clocks: [Clock::default(); MAX_RATES],
+            clocks: [Clock::default(); CLOCKS],
+            lags: [Lag::default(); MAX_RATES],
             leans: [Lean::default(); MAX_SENSORS],
         };
         Filter {
@@ -257,6 +260,9 @@ impl Filter {
         }
         let map_from_body = belief.map_from_body.then(ahead);
         let mut covariance = belief.pose_covariance_at(map_from_body, told.log(), time_s);
+        for (covariance, by_clocks) in covariance.iter_mut().zip(known.by_clocks()) {
+            *covariance += by_clocks;
+        }
         let [doubt_m, doubt_rad] = known.doubt;
         covariance[0] += doubt_m * doubt_m;
         covariance[3] += doubt_m * doubt_m;
@@ -278,6 +284,12 @@ impl Filter {
         let silent = self.last_heard_ns[sensor]
             .is_some_and(|last_ns| self.now_ns.saturating_sub(last_ns) > known.silent_ns);
         (if silent { Verdict::Silent } else { standing.verdict }, standing.nis)
+    }
+
+    /// How much too early the instants of a sensor that tells speeds seem to be, and the standard deviation of that, s: as far as
+    /// the motion of the last second shows it.
+    pub fn clock_s(&self, sensor: usize) -> Option<[f64; 2]> {
+        self.rates.get(sensor).and_then(|rate| self.told.0.clock_s(*rate))
     }
 
     /// Readings that were older than all that is kept, or more in an epoch than it holds.

@@ -99,6 +99,11 @@ impl Standing {
         self.doubt > DOUBTFUL
     }
 
+    /// Whether it says something else than before: what froze has no clock any more.
+    pub(crate) fn is_new(&self) -> bool {
+        self.is_new
+    }
+
     /// Whether it was heard lately, and agreed.
     pub(crate) fn agrees_now(&self, instant_ns: u64) -> bool {
         self.is_believed() && !self.is_doubtful() && self.silent_s(instant_ns) <= LONGEST_S

@@ -1,121 +1,205 @@
-//! Whose clock is off: what such a sensor tells differs from what is expected as that changes, and from nobody else's so.
+//! Whose clock is off, and by how much.
 //!
-//! A reading whose instant is δ too early tells what will be: it is off by δ times the change of what is expected. That is
-//! looked for by a regression with an intercept over the last tenths of a second, so that a bias isn't taken for it. Wheels
-//! that begin to slip look alike: only where another sensor that would see the slip sees none, a clock is named.
+//! A reading whose instant is δ too early tells what will be: it is off by δ times the change of what it tells. What that makes of
+//! all that is estimated is followed along with it, reading by reading, so that of each reading is known what such a fault would
+//! make of it, and what all of them tell of δ together (generalized likelihood ratio: Willsky and Jones, *IEEE Trans. Automatic
+//! Control* 21, 1976). Wheels that lag, as those do that slip while they are accelerated, count as one whose clock is off: where they
+//! explain what is seen about as well, no sensor is named, nor where two sensors explain it alike. In even motion nothing changes, and
+//! nothing can be seen.
 
-use super::rates::Rates;
 use super::{Knowledge, rates};
-use crate::belief::SLIP;
+use crate::belief::{Along, Innovation, STATES};
 use crate::sensor::{MAX_RATES, Sensor, SensorKind};
 use crate::standing::Verdict;
 
-/// The regression remembers so long, s.
-const MEMORY_S: f64 = 0.2;
-/// It tells nothing before so much was heard, s.
-const LEAST_S: f64 = 0.1;
+/// By so much clocks are off, where they are, s.
+const USUAL_S: f64 = 0.05;
+/// What was seen is remembered so long, s.
+const MEMORY_S: f64 = 1.0;
 /// Clocks that are off by less are never named, s.
 const LEAST_OFF_S: f64 = 0.02;
-/// So much of all that it is off is explained by that, as a share.
-const EXPLAINED: f64 = 0.7;
-/// What is explained is so many times as strong as an epoch's noise, as an energy.
-const STRONG: f64 = 100.0;
-/// Another sensor sees so much less of it, as a share.
-const OTHERS: f64 = 0.4;
-/// Nearer to the middle than this, m, a flow sensor tells nothing of turns.
-const ARM_M: f64 = 0.05;
+/// What is seen is beyond chance by so much: chi² with one degree of freedom.
+const SURE: f64 = 25.0;
+/// What is so far beyond chance counts in the covariance of the pose.
+const SEEMS: f64 = 7.0;
+/// And explains so much more of it than any other clock, as chi².
+const MARGIN: f64 = 10.0;
+/// Of what sensors are off beyond chance a clock explains so much.
+const EXPLAINED: f64 = 0.5;
+/// The places of the wheels' clocks behind those of the sensors: as their way and as their turn lag.
+pub(super) const WHEELS: [usize; 2] = [MAX_RATES, MAX_RATES + 1];
+/// All clocks.
+pub const CLOCKS: usize = MAX_RATES + 2;
 
-/// Weighted sums of one number: 1, change, off, change², change·off, off².
-type Sums = [f64; 6];
+/// By how much a reading changes with each clock in a second.
+pub(super) type Changes<const M: usize> = [Option<[f64; M]>; CLOCKS];
 
-/// What is remembered of a sensor's instants.
+/// What readings tell of a clock: weight times seconds, and weight, 1/s and 1/s²; and how much they are off beyond chance, as chi².
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Clock {
-    sums: [Sums; 2],
+pub(super) struct Told {
+    seconds: f64,
+    weight: f64,
+    beyond: f64,
 }
 
-/// What a regression found.
+impl Told {
+    fn add(&mut self, other: Told) {
+        self.seconds += other.seconds;
+        self.weight += other.weight;
+        self.beyond += other.beyond;
+    }
+}
+
+/// What is known of a clock.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Off {
-    /// How much too early its instants are, s; negative where they are too late.
-    early_s: f64,
-    is_sure: bool,
+pub struct Clock {
+    /// What a second makes of all that is estimated by which its instants are too early.
+    pub(super) drawn: Along,
+    told: Told,
+}
+
+impl Default for Clock {
+    fn default() -> Self {
+        Clock { drawn: [0.0; STATES], told: Told::default() }
+    }
 }
 
 impl Clock {
-    fn take(&mut self, time_s: f64, change: [f64; 2], off: [f64; 2]) {
+    /// How much too early its instants are, s; negative where they are too late. Until it is told better, by nothing much.
+    fn early_s(&self) -> f64 {
+        self.told.seconds * self.variance_s2()
+    }
+
+    /// The variance of that.
+    fn variance_s2(&self) -> f64 {
+        1.0 / (self.told.weight + USUAL_S.powi(-2))
+    }
+
+    /// How much of what is seen it explains: chi².
+    fn explains(&self) -> f64 {
+        self.told.seconds * self.early_s()
+    }
+
+    /// How a whitened reading changes with it, beside what it made of all that is estimated.
+    fn change<const M: usize>(&self, innovation: &Innovation<M>, change: [f64; M]) -> [f64; M] {
+        let mut change = change;
+        for (change, known) in change.iter_mut().zip(innovation.rows.of(&self.drawn)) {
+            *change -= known;
+        }
+        innovation.whiten(change)
+    }
+}
+
+fn told<const M: usize>(change: [f64; M], innovation: &Innovation<M>) -> Told {
+    let off = innovation.whiten(innovation.off());
+    let sum = |one: [f64; M], other: [f64; M]| -> f64 {
+        one.iter().zip(other).map(|(one, other)| one * other).sum()
+    };
+    Told { seconds: sum(change, off), weight: sum(change, change), beyond: innovation.nis - M as f64 }
+}
+
+impl Knowledge {
+    /// What is known of a sensor's clock: how much too early its instants are, and the standard deviation of that, s.
+    pub(crate) fn clock_s(&self, rate: usize) -> Option<[f64; 2]> {
+        self.clocks.get(rate).map(|clock| [clock.early_s(), clock.variance_s2().sqrt()])
+    }
+
+    /// What clocks that seem to be off may have made of the pose: its covariance, xx, xy, xψ, yy, yψ, ψψ.
+    pub(crate) fn by_clocks(&self) -> [f64; 6] {
+        let mut sum = [0.0; 6];
+        for clock in self.clocks.iter().filter(|clock| clock.explains() > SEEMS) {
+            let [x, y, turn, ..] = clock.drawn;
+            let off_s2 = clock.early_s().powi(2) + clock.variance_s2();
+            for (sum, product) in sum.iter_mut().zip([x * x, x * y, x * turn, y * y, y * turn, turn * turn]) {
+                *sum += off_s2 * product;
+            }
+        }
+        sum
+    }
+
+    /// Time passes.
+    pub(super) fn forget_clocks(&mut self, time_s: f64) {
         let keep = (-time_s / MEMORY_S).exp();
-        for (sums, (x, y)) in self.sums.iter_mut().zip(change.into_iter().zip(off)) {
-            for (sum, one) in sums.iter_mut().zip([1.0, x, y, x * x, x * y, y * y]) {
-                *sum = *sum * keep + one * time_s;
+        for Clock { drawn, told, .. } in &mut self.clocks {
+            *told =
+                Told { seconds: keep * told.seconds, weight: keep * told.weight, beyond: keep * told.beyond };
+            drawn.iter_mut().for_each(|drawn| *drawn *= keep);
+        }
+    }
+
+    /// Takes a reading in. `is_new`: what it tells of clocks isn't known yet.
+    pub(super) fn take_in<const M: usize>(
+        &mut self,
+        innovation: &Innovation<M>,
+        changes: Changes<M>,
+        is_new: bool,
+    ) {
+        let whitened = innovation.whitened();
+        for (clock, change) in self.clocks.iter_mut().zip(changes) {
+            let changes = clock.change(innovation, change.unwrap_or([0.0; M]));
+            if is_new {
+                clock.told.add(told(changes, innovation));
+            }
+            for (change, moves) in changes.iter().zip(&whitened.moves) {
+                for (drawn, moved) in clock.drawn.iter_mut().zip(moves) {
+                    *drawn += change * moved;
+                }
             }
         }
+        self.belief.correct(&whitened);
     }
 
-    /// What is known of it, where the noise of an epoch has a variance; `None` where nothing changed.
-    fn off(&self, noise: f64, time_s: f64) -> Option<Off> {
-        let [weight, ..] = self.sums[0];
-        let (mut xx, mut xy, mut yy) = (0.0, 0.0, 0.0);
-        for [weight, x, y, x2, x_y, y2] in self.sums.iter().filter(|sums| sums[0] > 0.0) {
-            xx += x2 - x * x / weight;
-            xy += x_y - x * y / weight;
-            yy += y2 - y * y / weight;
-        }
-        if weight < LEAST_S || xx <= 0.0 || yy <= 0.0 {
-            return None;
-        }
-        let early_s = xy / xx;
-        let explained = xy * xy / xx;
-        let is_sure =
-            early_s.abs() > LEAST_OFF_S && explained > EXPLAINED * yy && explained > STRONG * noise * time_s;
-        Some(Off { early_s, is_sure })
-    }
-}
-
-/// What a sensor sees of the platform's motion: translation, turn.
-pub(super) fn sees(sensor: &Sensor) -> [bool; 2] {
-    let mount = sensor.body_from_sensor;
-    match sensor.kind {
-        SensorKind::Turn | SensorKind::Inertial => [false, true],
-        SensorKind::Flow => [true, mount.x_m.hypot(mount.y_m) > ARM_M],
-        SensorKind::Twist => [true, true],
-        SensorKind::Pose => [false, false],
-    }
-}
-
-impl Rates<'_> {
-    /// Takes in by how much a sensor's mean is off in its own axes, before it is taken in itself.
-    pub(super) fn watch_clock(&self, rate: usize, place: usize, off: [f64; 3], known: &mut Knowledge) {
-        let sensor = &self.sensors[place];
-        // Against what the wheels say: what was taken for slip may be this very fault.
-        let slip = self.by_twist(sensor, [0, 1, 2].map(|axis| known.belief.error(SLIP + axis)));
-        // Of a gyro the accelerations behind its turn are no part of it.
-        let second = if sensor.kind.is_gyro() { 0.0 } else { off[1] - slip[1] };
-        let change = self.by_twist(sensor, self.gain);
-        known.clocks[rate].take(self.epoch.time_s, [change[0], change[1]], [off[0] - slip[0], second]);
+    /// A reading that isn't taken in tells of its own clock alone.
+    pub(super) fn leave_out<const M: usize>(
+        &mut self,
+        rate: usize,
+        innovation: &Innovation<M>,
+        changes: Changes<M>,
+    ) {
+        let clock = &mut self.clocks[rate];
+        let change = clock.change(innovation, changes[rate].unwrap_or([0.0; M]));
+        clock.told.add(told(change, innovation));
     }
 
-    /// Names those whose clocks are off.
-    pub(super) fn judge_clocks(&self, known: &mut Knowledge) {
-        let mut found = [None; MAX_RATES];
-        for (rate, (place, _)) in rates(self.sensors) {
-            let sigma = self.sensors[place].sigma[0];
-            let count = f64::from(self.epoch.rates[rate].count.max(1));
-            found[rate] = known.clocks[rate].off(sigma * sigma / count, self.epoch.time_s);
-        }
-        for (rate, place, _) in self.heard() {
-            let Some(off) = found[rate].filter(|off| off.is_sure) else { continue };
-            let own = sees(&self.sensors[place]);
-            let is_refuted = rates(self.sensors).any(|(other, (other_place, _))| {
-                let seen = sees(&self.sensors[other_place]);
-                other != rate
-                    && known.standings[other_place].is_believed()
-                    && (own[0] && seen[0] || !own[0] && seen[1])
-                    && found[other].is_some_and(|other| other.early_s.abs() < OTHERS * off.early_s.abs())
-            });
-            if is_refuted {
-                known.standings[place].name(self.epoch.end_ns, Verdict::Contradicts);
+    /// Names a sensor whose clock is off. What that made is undone where poses agree, and counts in the covariance elsewhere.
+    pub(super) fn judge_clocks(&mut self, sensors: &[Sensor], end_ns: u64) {
+        let is_placed_by_poses = sensors
+            .iter()
+            .zip(&self.standings)
+            .any(|(sensor, standing)| sensor.kind == SensorKind::Pose && standing.agrees_now(end_ns));
+        for (rate, (place, _)) in rates(sensors) {
+            let clock = &self.clocks[rate];
+            let off_s = clock.early_s();
+            if !self.standings[place].is_new() {
+                continue;
             }
+            if !self.standings[place].is_believed() {
+                if off_s.abs() > 0.5 * LEAST_OFF_S && clock.explains() > SURE {
+                    self.standings[place].name(end_ns, Verdict::Contradicts);
+                }
+                continue;
+            }
+            let explain = |clock: usize| self.clocks[clock].explains();
+            let others = (0..MAX_RATES).filter(|other| *other != rate).map(explain).fold(0.0, f64::max);
+            let most = others.max(explain(WHEELS[0]) + explain(WHEELS[1]));
+            let is_off = off_s.abs() > LEAST_OFF_S
+                && clock.explains() > SURE.max(most + MARGIN)
+                && clock.explains() > EXPLAINED * clock.told.beyond;
+            if !is_off {
+                continue;
+            }
+            let clock = *clock;
+            let mut left_s2 = clock.variance_s2();
+            if is_placed_by_poses {
+                self.belief.shift(&clock.drawn.map(|drawn| -off_s * drawn));
+            } else {
+                // Nobody would see it if that were wrong.
+                left_s2 += off_s * off_s;
+            }
+            self.belief.widen_along(&clock.drawn, left_s2);
+            self.clocks = Default::default();
+            self.clocks[rate] = Clock { drawn: [0.0; STATES], ..clock };
+            self.standings[place].name(end_ns, Verdict::Contradicts);
         }
     }
 }

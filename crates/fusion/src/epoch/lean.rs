@@ -11,9 +11,6 @@ pub(super) const OF_POSES_S: f64 = 1.5;
 /// Beyond so many standard deviations of the mean it leans: one in a thousand does by chance.
 const LEANS_SIGMAS: f64 = 3.3;
 
-/// Poses lean by so many where a gyro is named that is off the wheels by so many of what chance makes of the mean.
-pub(super) const DRAWN_SIGMAS: [f64; 2] = [4.0, 2.0];
-
 /// What a sensor was off lately, in its own axes.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Lean {
@@ -23,8 +20,6 @@ pub struct Lean {
     off: [f64; 3],
     /// Variance of the mean, where a reading's is 1.
     of_mean: f64,
-    /// It was named for it.
-    pub(super) is_named: bool,
 }
 
 /// The share of what lasted a time in a mean of such a length, both in s.
@@ -41,16 +36,6 @@ impl Lean {
             self.sigmas[n] += share * (off[n] / expected[n].sqrt() - self.sigmas[n]);
             self.off[n] += share * (off_others[n] - self.off[n]);
         }
-    }
-
-    /// By how many standard deviations of the mean it is off along an axis.
-    pub(super) fn along(&self, axis: usize) -> f64 {
-        if self.of_mean > 0.0 { self.sigmas[axis] / self.of_mean.sqrt() } else { 0.0 }
-    }
-
-    /// What it was off from what the others say without it, along an axis.
-    pub(super) fn off(&self, axis: usize) -> f64 {
-        self.off[axis]
     }
 
     /// By how much it leans, along each of its axes; `None` where it doesn't.

@@ -4,8 +4,8 @@ use nalgebra::Matrix3;
 use omnibase_platform::{BodyStep, Pose2, wrap_angle_rad};
 
 use super::lean::{OF_POSES_S, share_of};
-use super::{ARM_M, Epoch, GATES, Heard, Knowledge, REPEATS_SIGMAS};
-use crate::belief::{Belief, Row, SLIP};
+use super::{ARM_M, CLOCKS, Epoch, GATES, Heard, Knowledge, REPEATS_SIGMAS};
+use crate::belief::{Belief, OWN, Row, Rows, SLIP};
 use crate::sensor::Sensor;
 use crate::standing::Verdict;
 
@@ -40,11 +40,13 @@ impl Epoch {
                 said.y_m - expected.y_m,
                 wrap_angle_rad(said.heading_rad - expected.heading_rad),
             ];
+            let on = |pose| Row { pose, ..Row::default() };
             let rows = [
-                Row::of(&[(0, 1.0), (2, body.y_m - expected.y_m)]),
-                Row::of(&[(1, 1.0), (2, expected.x_m - body.x_m)]),
-                Row::of(&[(2, 1.0)]),
+                on([1.0, 0.0, body.y_m - expected.y_m]),
+                on([0.0, 1.0, expected.x_m - body.x_m]),
+                on([0.0, 0.0, 1.0]),
             ];
+            let rows = Rows { rows, by_wheels: [0.0; 3], own: OWN };
             (belief.innovation::<3>(difference, &rows, &noise), difference)
         };
         let (innovation, off) = compare(&known.belief);
@@ -97,11 +99,11 @@ impl Epoch {
             lean.take(
                 share_of(since_s, OF_POSES_S),
                 &innovation.off(),
-                &innovation.expected,
+                &innovation.expected(),
                 &innovation.off(),
             );
             known.doubt = lean.by().map_or([0.0; 2], |[x, y, turn]| [x.hypot(y), turn.abs()]);
-            known.belief.correct(&innovation);
+            known.take_in(&innovation, [None; CLOCKS], true);
             return;
         }
         if !agrees {

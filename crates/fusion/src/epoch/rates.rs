@@ -3,10 +3,11 @@
 use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, Twist2};
 
-use super::clocks::sees;
-use super::lean::{DRAWN_SIGMAS, OF_SPEEDS_S, share_of};
+use super::clocks::{CLOCKS, Changes, WHEELS};
+use super::lags::sees;
+use super::lean::{OF_SPEEDS_S, share_of};
 use super::{Epoch, GATES, Knowledge, REPEATS_SIGMAS, SHARED_S, Sum, rates};
-use crate::belief::{GEOMETRY, Innovation, OWN, Row, SLIP, SLIP_TIME_S, slip_kept};
+use crate::belief::{Belief, Innovation, OWN, Row, Rows, SLIP};
 use crate::sensor::{MAX_RATES, Sensor, SensorKind};
 use crate::standing::Verdict;
 
@@ -26,6 +27,8 @@ pub(super) struct Rates<'a> {
     pub(super) step: BodyStep,
     /// By how much the body's twist grows in a second, as the wheels tell.
     pub(super) gain: [f64; 3],
+    /// The same without what comes and goes from one epoch to the next.
+    pub(super) change: [f64; 3],
     /// Variances by which slip changes from an epoch to the next, (m/s)² and (rad/s)².
     pub(super) slip_drive: [f64; 3],
 }
@@ -42,13 +45,14 @@ impl Rates<'_> {
         // By how much each that is believed contradicts the wheels, in body axes.
         let mut off = [None; MAX_RATES];
         let mut numbers = 0;
+        let mut is_widened = false;
         for (rate, sensor, sum) in self.heard() {
             // A mouse that tells no motion at all is lifted off, or everything stands.
             let is_still = self.sensors[sensor].kind == SensorKind::Flow && sum.values == [0.0; 3];
             if known.standings[sensor].is_believed() && !is_still {
-                let (nis, own) = self.chi2((rate, sensor, sum), known);
+                let (nis, own) = self.chi2((rate, sensor, sum), &known.belief);
                 let by = in_body(&self.sensors[sensor], own);
-                self.watch_clock(rate, sensor, own, known);
+                self.watch_lag(rate, sensor, own, known);
                 off[rate] = (nis > gate(self.sensors[sensor].kind)).then_some(by);
                 numbers += numbers_of(self.sensors[sensor].kind);
             }
@@ -69,6 +73,7 @@ impl Rates<'_> {
             }
             if self.all_agree(&slipping) {
                 known.belief = slipping.belief;
+                is_widened = true;
                 if self.heard().count() > 1 {
                     known.shared_s = SHARED_S;
                 }
@@ -76,44 +81,12 @@ impl Rates<'_> {
         }
         for one in self.heard() {
             match self.sensors[one.1].kind {
-                SensorKind::Turn | SensorKind::Inertial => self.take_one::<1>(one, known),
-                SensorKind::Flow => self.take_one::<2>(one, known),
-                _ => self.take_one::<3>(one, known),
+                SensorKind::Turn | SensorKind::Inertial => self.take_one::<1>(one, is_widened, known),
+                SensorKind::Flow => self.take_one::<2>(one, is_widened, known),
+                _ => self.take_one::<3>(one, is_widened, known),
             }
         }
-        self.judge_clocks(known);
-        for (rate, place, _) in self.heard() {
-            if self.sensors[place].kind.is_gyro() {
-                self.judge_drawn(rate, place, known);
-            }
-        }
-    }
-
-    /// Names a gyro that turns another way than the wheels while poses lean against it: it draws the heading away from them. Were it
-    /// the wheels that are wrong, poses would lean as it does. It stays named for as long as it goes on.
-    fn judge_drawn(&self, rate: usize, place: usize, known: &mut Knowledge) {
-        let lean = known.leans[place];
-        let off = lean.off(0);
-        // A mean of slip, which comes and goes, and what isn't known of the bias.
-        let keep = slip_kept(self.epoch.time_s);
-        let slip = self.slip_drive[2] / (1.0 - keep * keep) * SLIP_TIME_S / (SLIP_TIME_S + OF_SPEEDS_S);
-        let by_chance = (slip + known.belief.variance(OWN + 2 * rate)).sqrt();
-        let leans_against = |(sensor, other): (&Sensor, usize)| {
-            sensor.kind == SensorKind::Pose
-                && known.standings[other].agrees_now(self.epoch.end_ns)
-                && known.leans[other].along(2) * off.signum() < -DRAWN_SIGMAS[0]
-        };
-        let is_named = if lean.is_named {
-            off.abs() > 0.5 * DRAWN_SIGMAS[1] * by_chance
-        } else {
-            off.abs() > DRAWN_SIGMAS[1] * by_chance
-                && known.standings[place].is_believed()
-                && self.sensors.iter().zip(0..).any(leans_against)
-        };
-        known.leans[place].is_named = is_named;
-        if is_named {
-            known.standings[place].name(self.epoch.end_ns, Verdict::Contradicts);
-        }
+        self.judge_lags(known);
     }
 
     /// One bias in a thousand is further off than the gate of a reading lets pass, and would be gated for ever: where nothing was
@@ -125,7 +98,7 @@ impl Rates<'_> {
         if known.belief.variance(OWN + 2 * rate) < learnt {
             return;
         }
-        let (nis, [off, ..]) = self.chi2(one, known);
+        let (nis, [off, ..]) = self.chi2(one, &known.belief);
         let before = known.standings[place].off.take();
         if nis <= gate(sensor.kind) || off.abs() > BIAS_SIGMAS * sensor.bias_sigma {
             return;
@@ -167,25 +140,26 @@ impl Rates<'_> {
 
     /// Takes a reading in where it agrees; whether it does.
     fn agrees<const M: usize>(&self, one: (usize, usize, &Sum), known: &mut Knowledge) -> bool {
-        let agreeing = self.compare::<M>(one, known).0.filter(|innovation| innovation.nis <= GATES[M - 1]);
-        agreeing.map(|innovation| known.belief.correct(&innovation)).is_some()
+        let agreeing =
+            self.compare::<M>(one, &known.belief).0.filter(|innovation| innovation.nis <= GATES[M - 1]);
+        agreeing.map(|innovation| known.belief.correct(&innovation.whitened())).is_some()
     }
 
     /// chi² of a mean of readings, and by how much it is off in the sensor's own axes.
-    fn chi2(&self, one: (usize, usize, &Sum), known: &Knowledge) -> (f64, [f64; 3]) {
+    fn chi2(&self, one: (usize, usize, &Sum), belief: &Belief) -> (f64, [f64; 3]) {
         let (nis, expected) = match self.sensors[one.1].kind {
-            SensorKind::Turn | SensorKind::Inertial => nis(self.compare::<1>(one, known)),
-            SensorKind::Flow => nis(self.compare::<2>(one, known)),
-            _ => nis(self.compare::<3>(one, known)),
+            SensorKind::Turn | SensorKind::Inertial => nis(self.compare::<1>(one, belief)),
+            SensorKind::Flow => nis(self.compare::<2>(one, belief)),
+            _ => nis(self.compare::<3>(one, belief)),
         };
         let said = mean(one.2);
         (nis, std::array::from_fn(|n| said[n] - expected[n]))
     }
 
-    fn take_one<const M: usize>(&self, one: (usize, usize, &Sum), known: &mut Knowledge) {
-        let (_, place, sum) = one;
+    fn take_one<const M: usize>(&self, one: (usize, usize, &Sum), is_widened: bool, known: &mut Knowledge) {
+        let (rate, place, sum) = one;
         let sensor = &self.sensors[place];
-        let (innovation, expected) = self.compare::<M>(one, known);
+        let (innovation, expected) = self.compare::<M>(one, &known.belief);
         let Some(innovation) = innovation else {
             known.standings[place].judge(self.epoch.end_ns, 1.0, Verdict::Contradicts);
             return;
@@ -207,17 +181,33 @@ impl Rates<'_> {
         };
         let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };
         let is_taken = standing.judge(self.epoch.end_ns, contradicts, fault);
-        if is_taken || known.leans[place].is_named {
-            self.lean(place, since_s, &innovation, known);
-        }
+        let changes = self.changes(rate, sensor);
         if is_taken {
-            known.belief.correct(&innovation);
-        } else if !agrees && known.standings[place].is_doubtful() {
+            self.lean(place, since_s, &innovation, known);
+            known.take_in(&innovation, changes, !is_widened);
+        } else {
+            known.leave_out(rate, &innovation, changes);
+        }
+        if !is_taken && !agrees && known.standings[place].is_doubtful() {
             // Until others tell, it may be the wheels that are wrong.
             let off = size(&mean(sum), &expected, sensor.kind);
             known.doubt[0] += off[0] * self.epoch.time_s;
             known.doubt[1] += off[1] * self.epoch.time_s;
         }
+    }
+
+    /// By how much what a sensor tells changes with each clock in a second.
+    fn changes<const M: usize>(&self, rate: usize, sensor: &Sensor) -> Changes<M> {
+        let of = |twist| {
+            let change = self.by_twist(sensor, twist);
+            Some(std::array::from_fn(|m| change[m]))
+        };
+        let [x, y, turn] = self.change;
+        let mut changes = [None; CLOCKS];
+        changes[rate] = of(self.change);
+        changes[WHEELS[0]] = of([-x, -y, 0.0]);
+        changes[WHEELS[1]] = of([0.0, 0.0, -turn]);
+        changes
     }
 
     /// Takes in what a sensor is off that is believed: where it leans, it may be the wheels that are wrong, or what it says.
@@ -233,7 +223,7 @@ impl Rates<'_> {
         let off: [f64; M] = innovation.off();
         let off_wheels: [f64; M] = std::array::from_fn(|n| off[n] - slip[n]);
         let lean = &mut known.leans[place];
-        lean.take(share_of(since_s, OF_SPEEDS_S), &off, &innovation.expected, &off_wheels);
+        lean.take(share_of(since_s, OF_SPEEDS_S), &off, &innovation.expected(), &off_wheels);
         if let Some(by) = lean.by() {
             let [way, turn] = size(&by, &[0.0; 3], sensor.kind);
             known.doubt[0] += way * self.epoch.time_s;
@@ -264,9 +254,9 @@ impl Rates<'_> {
     fn compare<const M: usize>(
         &self,
         (rate, place, sum): (usize, usize, &Sum),
-        known: &Knowledge,
+        belief: &Belief,
     ) -> (Option<Innovation<M>>, [f64; 3]) {
-        let (belief, sensor) = (&known.belief, &self.sensors[place]);
+        let sensor = &self.sensors[place];
         let truly = belief.corrected(self.step, self.epoch.time_s);
         let per_s = 1.0 / self.epoch.time_s;
         let count = f64::from(sum.count);
@@ -276,19 +266,14 @@ impl Rates<'_> {
             [truly.x_m, truly.y_m, truly.angle_rad][n] * per_s + self.gain[n] * later_s
         });
         let u = [self.step.x_m, self.step.y_m, self.step.angle_rad].map(|way| way * per_s);
-        // How each component of the body's twist depends on what is estimated. Derivatives are taken where the wheels alone
-        // say, never where the last readings do: what can't be told apart (the scales of wheels and of a gyro) would seem
-        // to be, reading by reading (Huang, Mourikis, Roumeliotis, *Int. J. Robotics Research* 29, 2010).
-        let twist_rows: [Row; 3] = std::array::from_fn(|i| {
-            let at = GEOMETRY + 3 * i;
-            Row::of(&[(at, u[0]), (at + 1, u[1]), (at + 2, u[2]), (SLIP + i, -1.0)])
-        });
+        // Derivatives are taken where the wheels alone say, never where the last readings do: what can't be told apart (the
+        // scales of wheels and of a gyro) would seem to be, reading by reading (Huang, Mourikis, Roumeliotis, *Int. J. Robotics
+        // Research* 29, 2010).
         let own = OWN + 2 * rate;
         let (expected, rows): ([f64; 3], [Row; 3]) = match sensor.kind {
             SensorKind::Turn | SensorKind::Inertial => {
                 let scale = 1.0 + belief.error(own + 1);
-                let mut row = Row::of(&[(own, 1.0), (own + 1, u[2])]);
-                row.add_scaled(&twist_rows[2], 1.0);
+                let row = Row { twist: [0.0, 0.0, 1.0], own: [1.0, u[2]], ..Row::default() };
                 ([scale * body[2] + belief.error(own), 0.0, 0.0], [row, Row::default(), Row::default()])
             }
             _ => {
@@ -300,25 +285,23 @@ impl Rates<'_> {
                 let y = -sin * at[0] + cos * at[1];
                 let Twist2 { vx_m_s, vy_m_s, .. } = Twist2::new(u[0], u[1], u[2]).at(mount);
                 let (sin, cos) = mount.heading_rad.sin_cos();
-                let mut row_x = Row::of(&[(own, vx_m_s), (own + 1, vy_m_s)]);
-                row_x.add_scaled(&twist_rows[0], cos);
-                row_x.add_scaled(&twist_rows[1], sin);
-                row_x.add_scaled(&twist_rows[2], -cos * mount.y_m + sin * mount.x_m);
-                let mut row_y = Row::of(&[(own, vy_m_s), (own + 1, -vx_m_s)]);
-                row_y.add_scaled(&twist_rows[0], -sin);
-                row_y.add_scaled(&twist_rows[1], cos);
-                row_y.add_scaled(&twist_rows[2], sin * mount.y_m + cos * mount.x_m);
-                ([scale * x, scale * y, body[2]], [row_x, row_y, twist_rows[2]])
+                let row = |twist, own| Row { twist, own, ..Row::default() };
+                let rows = [
+                    row([cos, sin, -cos * mount.y_m + sin * mount.x_m], [vx_m_s, vy_m_s]),
+                    row([-sin, cos, sin * mount.y_m + cos * mount.x_m], [vy_m_s, -vx_m_s]),
+                    row([0.0, 0.0, 1.0], [0.0; 2]),
+                ];
+                ([scale * x, scale * y, body[2]], rows)
             }
         };
+        let rows = Rows { rows: std::array::from_fn::<_, M, _>(|m| rows[m]), by_wheels: u, own };
         let said = mean(sum);
         let own = SMatrix::<f64, M, M>::from_fn(|r, c| {
             if r == c { sensor.sigma[r] * sensor.sigma[r] / count } else { 0.0 }
         });
-        let noise = own + self.of_means(&rows, later_s, &own);
+        let noise = own + self.of_means(&rows.rows, later_s, &own);
         let difference = std::array::from_fn(|n| said[n] - expected[n]);
-        let innovation = rows.first_chunk().and_then(|rows| belief.innovation::<M>(difference, rows, &noise));
-        (innovation, expected)
+        (belief.innovation::<M>(difference, &rows, &noise), expected)
     }
 }
 
@@ -328,14 +311,14 @@ impl Rates<'_> {
     /// the middle has c times the last change in it. That is as if its noise were greater by q·(c² + c − 1/3)/2.
     fn of_means<const M: usize>(
         &self,
-        rows: &[Row; 3],
+        rows: &[Row; M],
         later_s: f64,
         own: &SMatrix<f64, M, M>,
     ) -> SMatrix<f64, M, M> {
         let c = later_s / self.epoch.time_s;
         let share = 0.5 * (c * c + c - 1.0 / 3.0);
         let of_drive = SMatrix::<f64, M, M>::from_fn(|r, c| {
-            let along = |axis: usize| rows[r].on(SLIP + axis) * rows[c].on(SLIP + axis);
+            let along = |axis: usize| rows[r].twist[axis] * rows[c].twist[axis];
             (0..3).map(|axis| share * along(axis) * self.slip_drive[axis]).sum()
         });
         // Noise stays noise, however fast wheels slip.
@@ -388,5 +371,60 @@ fn size(said: &[f64; 3], expected: &[f64; 3], kind: SensorKind) -> [f64; 2] {
     match kind {
         SensorKind::Turn | SensorKind::Inertial => [0.0, off[0].abs()],
         _ => [off[0].hypot(off[1]), off[2].abs()],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use omnibase_platform::Pose2;
+
+    use super::*;
+    use crate::belief::STATES;
+
+    /// What a sensor is expected to say, and the standard deviation of each number, where one error alone is off and uncertain
+    /// by so much, in a motion that goes each way at once.
+    fn expected<const M: usize>(sensor: Sensor, place: usize, off: f64) -> [[f64; 2]; M] {
+        let sensors = [Sensor { sigma: [1e-9; 3], ..sensor }];
+        let mut belief = Belief::new(Pose2::default(), &SMatrix::zeros());
+        let mut change = [0.0; STATES];
+        change[place] = off;
+        belief.shift(&change);
+        belief.widen(place, off * off);
+        let epoch = Epoch { time_s: 5e-3, ..Epoch::default() };
+        let step = BodyStep::new(2e-3, -1e-3, 3e-3);
+        let rates = Rates {
+            epoch: &epoch,
+            sensors: &sensors,
+            step,
+            gain: [0.0; 3],
+            change: [0.0; 3],
+            slip_drive: [0.0; 3],
+        };
+        let (innovation, expected) = rates.compare::<M>((0, 0, &Sum { count: 1, ..Sum::default() }), &belief);
+        let variances = innovation.expect("a covariance").expected();
+        std::array::from_fn(|m| [expected[m], variances[m].sqrt()])
+    }
+
+    /// A mouse beside the middle sees each way, the turn, and nine errors of the wheels in them.
+    #[test]
+    fn each_error_counts_in_each_number_as_it_changes_it() {
+        fn check<const M: usize>(kind: SensorKind) {
+            let mount = Pose2::new(0.2, -0.1, 0.4);
+            let sensor = Sensor { body_from_sensor: mount, ..Sensor::of(kind) };
+            let off = 1e-4;
+            let right = expected::<M>(sensor, OWN, 0.0);
+            for place in 3..OWN + 2 {
+                for (m, [told, sigma]) in expected::<M>(sensor, place, off).into_iter().enumerate() {
+                    let changes = (told - right[m][0]).abs();
+                    assert!(
+                        (changes - sigma).abs() < 1e-3 * off,
+                        "{kind:?}, {place}, {m}: {changes:e} {sigma:e}"
+                    );
+                }
+            }
+        }
+        check::<1>(SensorKind::Turn);
+        check::<2>(SensorKind::Flow);
+        check::<3>(SensorKind::Twist);
     }
 }

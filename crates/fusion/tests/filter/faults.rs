@@ -31,7 +31,7 @@ fn each_fault_of_each_kind_is_named_alone_and_in_company_and_the_truth_stays_whe
         let outcomes = all(fault);
         for (name, kind, outcome) in &outcomes {
             assert_eq!(outcome.other, None, "{name}, {fault:?}: who is right is named");
-            // A clock that is off is seen where what it tells changes: here of poses, of speeds in `clocks`.
+            // A clock that is off is seen where what it tells changes: here of poses at once, of speeds in `clocks`.
             let is_unseen = matches!(fault, Some(Fault::Early | Fault::Late)) && *kind != SensorKind::Pose;
             if fault.is_none() || is_unseen {
                 continue;

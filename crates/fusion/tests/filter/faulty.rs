@@ -73,6 +73,8 @@ pub struct Outcome {
     /// standard deviations hold one axis, and the mean NEES of that time over its three degrees of freedom.
     pub outside: f64,
     pub nees: f64,
+    /// To how much half a second of the motion shows the first one's clock at best, standard deviation, s; of a pose nothing is told.
+    pub shown_s: Option<f64>,
     /// Another that was named while the first failed, or any before.
     pub other: Option<usize>,
 }
@@ -118,8 +120,11 @@ pub fn drive_for(time_s: f64, sensors: &[Sensor], fault: Option<Fault>, seed: u6
     let begin_ns = world.now_ns + 5_000_000_000;
     let mut said = [Reading::Turn(0.0); 8];
     let mut heard: Vec<std::collections::VecDeque<Reading>> = vec![Default::default(); sensors.len()];
-    let mut outcome = Outcome { named: None, sigmas: 0.0, outside: 0.0, nees: 0.0, other: None };
+    let mut outcome =
+        Outcome { named: None, sigmas: 0.0, outside: 0.0, nees: 0.0, shown_s: None, other: None };
     let mut looks = 0.0;
+    let weight = |filter: &Filter| filter.clock_s(0).map(|[_, sigma_s]| sigma_s.powi(-2));
+    let mut weight_before = None;
     for cycle in 0..(1000.0 * time_s) as u64 {
         let motion = world.step();
         filter.advance(world.now_ns, &motion);
@@ -154,6 +159,15 @@ pub fn drive_for(time_s: f64, sensors: &[Sensor], fault: Option<Fault>, seed: u6
             } else if is_named {
                 outcome.other.get_or_insert(place);
             }
+        }
+        if world.now_ns == begin_ns {
+            weight_before = weight(&filter);
+        }
+        if world.now_ns == begin_ns + 500_000_000 {
+            // Of what was shown before so much is left.
+            let left = f64::exp(-0.5);
+            let half_s = weight(&filter).zip(weight_before).map(|(now, before)| now - left * before);
+            outcome.shown_s = half_s.map(|weight| weight.max(1.0).powf(-0.5));
         }
         // From when it fails on: before, all is as ever.
         if since_s <= 0.0 {

@@ -130,7 +130,17 @@ impl World {
         }
     }
 
-    /// A cycle of a wandering motion at about 0.5 m/s: what the wheels tell of it.
+    /// A wandering motion at about 0.5 m/s.
+    fn wanders(time_s: f64) -> Twist2 {
+        let ramp = (time_s / 2.0).min(1.0);
+        Twist2::new(
+            ramp * 0.5 * (0.7 * time_s).cos(),
+            ramp * 0.4 * (0.45 * time_s).sin(),
+            ramp * 0.6 * (0.3 * time_s).sin(),
+        )
+    }
+
+    /// A cycle of it: what the wheels tell. Sensors tell the twist at its end, and it moves as in its middle.
     pub fn step(&mut self) -> Motion {
         self.now_ns += PERIOD_NS;
         self.cycle += 1;
@@ -139,15 +149,10 @@ impl World {
                 own[0] += sensor.bias_walk * PERIOD_S.sqrt() * self.chance.normal();
             }
         }
-        let t = self.cycle as f64 * PERIOD_S;
-        let ramp = (t / 2.0).min(1.0);
+        let time_s = self.cycle as f64 * PERIOD_S;
         self.twist_before = self.twist;
-        self.twist = Twist2::new(
-            ramp * 0.5 * (0.7 * t).cos(),
-            ramp * 0.4 * (0.45 * t).sin(),
-            ramp * 0.6 * (0.3 * t).sin(),
-        );
-        let truly = self.twist.over(PERIOD_S);
+        self.twist = Self::wanders(time_s);
+        let truly = Self::wanders(time_s - 0.5 * PERIOD_S).over(PERIOD_S);
         self.truth = self.truth.moved_by(truly);
         // u + E·u − s·T is truly: u is, to first order, truly − E·truly + s·T.
         let way = [truly.x_m, truly.y_m, truly.angle_rad];
