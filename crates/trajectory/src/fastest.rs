@@ -78,11 +78,8 @@ const FEW_AFTER: usize = 2;
 const MORE: f64 = 2.0;
 /// What a limit may be exceeded by before a round, over itself; the last stretch takes it away.
 const NEAR: f64 = 1e-3;
-/// What the jerk may cost, over the time without regard to it, before the best motion near by is sought; and about how often: as long as
-/// one is found that gains this part.
+/// What the jerk may cost, over the time without regard to it, before the best motion near by is sought.
 const COSTS: f64 = 0.02;
-const GAINS: f64 = 0.02;
-const SEARCHES: usize = 4;
 /// Where pieces of the progress are looked at: beside their joints, and between them.
 const LOOKS: [f64; 3] = [0.001, 0.5, 0.999];
 
@@ -212,17 +209,8 @@ impl<P: GeometricPath> FastestTrajectory<P> {
         let mut best = FastestTrajectory::of(&path, start.smoothed(&path, bounds)?);
         if best.duration_s() > (1.0 + COSTS) * start.lasts_s() {
             // The mean looks past whatever is shorter than its window, and one window holds for the whole.
-            for _ in 0..SEARCHES {
-                let Some(found) = start.shorter(&best, bounds).filter(|found| is_so(&path, &found.progress))
-                else {
-                    break;
-                };
-                let is_done = found.duration_s() > (1.0 - GAINS) * best.duration_s();
-                best = found;
-                if is_done {
-                    break;
-                }
-            }
+            let found = start.shorter(&best, bounds).filter(|found| is_so(&path, &found.progress));
+            best = found.unwrap_or(best);
         }
         let progress = best.progress;
         Ok(FastestTrajectory::of(path, progress))
