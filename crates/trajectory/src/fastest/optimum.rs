@@ -106,7 +106,7 @@ struct Form {
 impl Form {
     fn add(&mut self, row: &Row, slope: f64, curve: f64) {
         let [x, u, w] = *row;
-        let [cx, cu, cw] = row.map(|part| curve * part);
+        let [cx, cu, cw] = scaled(row, curve);
         let products = [cx * x, cx * u, cx * w, cu * u, cu * w, cw * w];
         self.curve.iter_mut().zip(products).for_each(|(sum, product)| *sum += product);
         self.slope.iter_mut().zip(row).for_each(|(sum, part)| *sum += slope * part);
@@ -115,6 +115,10 @@ impl Form {
 
 fn dot(a: &Row, b: &State) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn scaled([x, u, w]: &Row, by: f64) -> Row {
+    [by * x, by * u, by * w]
 }
 
 fn moved(states: &[State], moves: &[State], part: f64) -> Vec<State> {
@@ -126,26 +130,25 @@ impl Look {
     /// Tells what is left to each limit, how fast that falls, and the rows whose squares make it fall.
     fn limits(&self, planes: &[Row], state: &State, mut take: impl FnMut(f64, Row, &[Row])) {
         let x = dot(&self.x, state);
-        let mut balls = |rows: &[Row; 3], square: f64, fall: f64| {
+        // The squares of the radii: 1/x for the jerk, 1 for the acceleration.
+        let per_x = 1.0 / x;
+        for (rows, square, fall) in [(&self.jerk, per_x, per_x * per_x), (&self.acceleration, 1.0, 0.0)] {
             for ball in BALLS {
                 let rows = &rows[ball];
-                let (mut left, mut falls) = (square, self.x.map(|part| fall * part));
+                let (mut left, mut falls) = (square, scaled(&self.x, fall));
                 for row in rows {
                     let y = dot(row, state);
                     left -= y * y;
-                    falls = std::array::from_fn(|at| falls[at] + 2.0 * y * row[at]);
+                    let [a, b, c] = scaled(row, 2.0 * y);
+                    falls = [falls[0] + a, falls[1] + b, falls[2] + c];
                 }
                 take(left, falls, rows);
             }
-        };
-        // The squares of the radii: 1/x for the jerk, 1 for the acceleration.
-        let per_x = 1.0 / x;
-        balls(&self.jerk, per_x, per_x * per_x);
-        if self.is_for_jerk {
-            return;
+            if self.is_for_jerk {
+                return;
+            }
         }
-        balls(&self.acceleration, 1.0, 0.0);
-        take(1.0 - self.speed * x, self.x.map(|part| self.speed * part), &[]);
+        take(1.0 - self.speed * x, scaled(&self.x, self.speed), &[]);
         for row in &planes[self.planes.clone()] {
             take(1.0 - dot(row, state), *row, &[]);
         }
