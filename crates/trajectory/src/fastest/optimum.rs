@@ -18,7 +18,7 @@ use crate::trajectory::Setpoint;
 /// Steps at a joint of the way, but within a window of the mean at least and at most so many; and between two rests at least.
 /// With more than so many nothing is sought.
 const AT_A_JOINT: f64 = 3.0;
-const IN_A_WINDOW: [f64; 2] = [4.0, 20.0];
+const IN_A_WINDOW: [f64; 2] = [5.0, 20.0];
 const LEAST_STEPS: usize = 32;
 const MOST_STEPS: f64 = 2000.0;
 /// The first x is so far within all limits, and the first of a further round within lowered ones, as a factor on the time.
@@ -43,6 +43,15 @@ const GAINS: f64 = 0.02;
 /// Rounds of lowering limits, until none is exceeded by more; a last stretch takes that away.
 const ROUNDS: usize = 4;
 const NEAR: f64 = 1e-3;
+/// Rounds where motors become too hot: what their heat costs is found, too.
+const HOT_ROUNDS: usize = 16;
+/// And until the greatest mean square is so near to what they bear.
+const HEAT_LEFT: f64 = 0.01;
+/// A cost becomes so many times as much as the mean square is, to this power: half as much heat costs two to four times as much.
+const DEARER: f64 = 1.5;
+/// What the heat of a motor costs first: of motions that speed up evenly and brake again, as many seconds as they take for what they heat, that is
+/// the least where the mean square of the torque is 1.
+const FIRST_COST: f64 = 1.0 / 3.0;
 /// Gauss and Legendre's rule of three points.
 const GAUSS: [[f64; 2]; 3] =
     [[0.112_701_665_379_258_3, 5.0 / 18.0], [0.5, 8.0 / 18.0], [0.887_298_334_620_741_7, 5.0 / 18.0]];
@@ -88,12 +97,25 @@ struct Step {
     bars: Range<usize>,
 }
 
+/// What limits and motors say to a motion, by its pieces.
+pub(super) struct Seen {
+    /// By how many times longer it must take to keep the limits.
+    pub(super) paces: Vec<f64>,
+    /// Of each motor the greatest mean square of its torque, over what it bears for ever, in any window that the piece lies in.
+    pub(super) squares: Vec<Vec<f64>>,
+}
+
 /// All that is asked of a motion between two rests.
 #[derive(Default)]
 struct Scene {
     steps: Vec<Step>,
     looks: Vec<Look>,
     planes: Vec<Row>,
+    motors: usize,
+    /// At each look the torque of each motor over what it bears for ever.
+    torques: Vec<Row>,
+    /// What the heat of each motor costs on each step: so many times as much as the time in which its torque is what it bears for ever.
+    costs: Vec<f64>,
 }
 
 /// A quadratic form over a step's state: its slope, and its curvature, from the first row's three to the last one's one.
@@ -163,7 +185,8 @@ impl Scene {
     fn new(path: &impl GeometricPath, bounds: &PlatformBounds, spline: &Progress, joints: &[f64]) -> Scene {
         let count = spline.piece_count();
         let step_s = spline.duration_s() / count as f64;
-        let mut scene = Scene::default();
+        let motors = bounds.heat.as_ref().map_or(0, |heat| heat.torques.len());
+        let mut scene = Scene { motors, costs: vec![0.0; count * motors], ..Scene::default() };
         let (mut of_path, mut joint, mut bars) = (0, 0, 0);
         for step in 0..count {
             let first = scene.looks.len();
@@ -223,6 +246,10 @@ impl Scene {
                 self.planes.push(row(x, u, 0.0));
             });
         }
+        for torque in bounds.heat.iter().flat_map(|heat| &heat.torques) {
+            let [x, u] = [second, first].map(|of| dot(torque, &of));
+            self.torques.push(row(x, u, 0.0));
+        }
         self.looks.push(Look {
             x: row(1.0, 0.0, 0.0),
             weight: 0.0,
@@ -280,14 +307,18 @@ impl Scene {
         // Backwards: u' as the best answer to x and u, and what is then left to pay from there on.
         let mut answers = vec![[0.0; 3]; states.len()];
         let (mut slope, mut curve) = ([0.0; 2], [0.0; 3]);
-        for ((step, state), answer) in self.steps.iter().zip(states).zip(&mut answers).rev() {
+        for (number, ((step, state), answer)) in
+            self.steps.iter().zip(states).zip(&mut answers).enumerate().rev()
+        {
             let mut form = Form::default();
             let mut of_step = bars[step.bars.clone()].iter_mut();
-            for look in &self.looks[step.looks.clone()] {
+            for at in step.looks.clone() {
+                let look = &self.looks[at];
                 if look.weight > 0.0 {
                     let x = dot(&look.x, state);
                     let rate = 0.5 * look.weight / (x * x.sqrt());
                     form.add(&look.x, -rate, 1.5 * rate / x);
+                    self.add_heat(&mut form, [number, at], state, [x, rate]);
                 }
                 look.limits(&self.planes, state, |left, falls, rows| {
                     let bar = of_step.next().expect("each limit has one");
@@ -325,6 +356,20 @@ impl Scene {
             state
         });
         moves.collect()
+    }
+
+    /// Adds what heat costs at a look of a step: each motor's torque squared, over √x.
+    fn add_heat(&self, form: &mut Form, [step, look]: [usize; 2], state: &State, [x, rate]: [f64; 2]) {
+        let costs = &self.costs[step * self.motors..(step + 1) * self.motors];
+        for (cost, torque) in
+            costs.iter().zip(&self.torques[look * self.motors..]).filter(|(cost, _)| **cost > 0.0)
+        {
+            let [load, of_x] = [dot(torque, state), 0.5 / x];
+            let [along, rate] = [load * of_x, cost * rate];
+            let slanted = std::array::from_fn(|at| torque[at] - along * self.looks[look].x[at]);
+            form.add(&slanted, 4.0 * rate * x * load, 4.0 * rate * x);
+            form.add(&self.looks[look].x, rate * load * load, rate * load * along);
+        }
     }
 
     /// Moves states within all limits to those of the least time, or towards them.
@@ -384,6 +429,21 @@ impl Scene {
             if made > WHOLE && gap < LAST_GAP * length {
                 break;
             }
+        }
+    }
+
+    /// Whether heat costs anything.
+    fn pays(&self) -> bool {
+        self.costs.iter().any(|cost| *cost > 0.0)
+    }
+
+    /// Makes a motor's heat on a step dearer or cheaper, by the greatest mean square of its torque in any window that holds the step.
+    fn charge(&mut self, [step, motor]: [usize; 2], square: f64) {
+        let cost = &mut self.costs[step * self.motors + motor];
+        if *cost > 0.0 {
+            *cost *= square.powf(DEARER);
+        } else if square > 1.0 {
+            *cost = FIRST_COST;
         }
     }
 
@@ -459,21 +519,21 @@ impl Span {
 
 /// The shortest motion near one whose accelerations change within a window of time; `None` where none is found.
 ///
-/// `near` may exceed limits itself. `paces` tells by how many times longer each piece of a motion must take to keep them.
+/// `near` may exceed limits itself. `look` tells what limits and motors say to a motion.
 pub(super) fn shortest<P: GeometricPath>(
     path: &P,
     bounds: &PlatformBounds,
     near: &Progress,
     window_s: f64,
-    paces: impl Fn(&Progress) -> Vec<f64>,
+    look: impl Fn(&Progress) -> Seen,
 ) -> Option<Progress> {
     let joints = path.breaks();
     let mut best: Option<Progress> = None;
     let mut near = near.clone();
     for search in 1..=SEARCHES {
         let Some(mut spans) = Span::all(path, bounds, &near, window_s, &joints) else { break };
-        let mut most = 1.0;
-        for round in 0..ROUNDS {
+        let (mut most, mut round, mut rounds) = (1.0, 1, ROUNDS);
+        loop {
             let (mut knots, mut time_s) = (Vec::new(), 0.0);
             for span in &mut spans {
                 span.solve(most);
@@ -483,30 +543,42 @@ pub(super) fn shortest<P: GeometricPath>(
             let mut found = Progress::through(&knots);
             // What is so much shorter is sought near to again: its steps are then even in its own time.
             let begins_again =
-                round == 0 && search < SEARCHES && found.duration_s() < (1.0 - GAINS) * near.duration_s();
+                round == 1 && search < SEARCHES && found.duration_s() < (1.0 - GAINS) * near.duration_s();
             if begins_again {
                 near = found.clone();
             }
-            let paces = paces(&found);
-            most = paces.iter().copied().fold(1.0, f64::max);
+            let seen = look(&found);
+            let hottest = seen.squares.iter().flatten().copied().fold(0.0, f64::max);
+            most = seen.paces.iter().copied().fold(1.0, f64::max);
             found.stretch(most);
-            if best.as_ref().is_none_or(|best| found.duration_s() < best.duration_s()) {
+            let is_cool = hottest <= 1.0 + NEAR;
+            if is_cool && best.as_ref().is_none_or(|best| found.duration_s() < best.duration_s()) {
                 best = Some(found);
             }
             if begins_again {
                 break;
             }
-            if most <= 1.0 + NEAR {
+            // Where heat costs anything, it is as hot as it may be.
+            let is_hot = !is_cool || spans.iter().any(|span| span.scene.pays());
+            if is_hot {
+                rounds = HOT_ROUNDS;
+            }
+            let is_done = most <= 1.0 + NEAR && is_cool && (!is_hot || hottest > 1.0 - HEAT_LEFT);
+            if is_done || round == rounds {
                 return best;
             }
-            let mut of_steps = paces.chunks(PARTS).map(|paces| paces.iter().copied().fold(1.0, f64::max));
+            round += 1;
+            let mut first = 0;
             for Span { scene, states, .. } in &mut spans {
-                for (step, pace) in (&mut of_steps).take(states.len()).enumerate() {
+                for step in 0..states.len() {
+                    let pieces = PARTS * (first + step)..PARTS * (first + step + 1);
+                    let pace = seen.paces[pieces.clone()].iter().copied().fold(1.0, f64::max);
                     scene.lower(step, pace);
+                    for motor in 0..scene.motors {
+                        scene.charge([step, motor], seen.squares[motor][pieces.start]);
+                    }
                 }
-            }
-            if round + 1 == ROUNDS {
-                return best;
+                first += states.len();
             }
         }
     }
