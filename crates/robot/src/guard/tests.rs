@@ -251,6 +251,32 @@ fn what_a_turn_away_gained_is_not_given_back() {
 }
 
 #[test]
+fn an_obstacle_that_appears_while_it_goes_round_at_full_speed_makes_it_no_faster() {
+    // So soft that what speeds it up ends late.
+    let limits = Limits { jerk_m_s3: 2.0, ..limits() };
+    let mut fastest = 0.0_f64;
+    for number in 0..20 {
+        let mut bench = Bench::oblong(None, &[]);
+        bench.guard.keep_to(&limits, &limits);
+        for cycle in 0..1500 {
+            let angle = 0.1 * f64::from(number) + 0.6 * PERIOD_S * f64::from(cycle);
+            if cycle == 1000 + number {
+                let here = bench.pose();
+                let [x, y] = [2.0 + 0.1 * f64::from(number), 0.0];
+                let centre_m = [here.x_m + x, here.y_m + y];
+                let obstacle = Obstacle { centre_m, radius_m: 0.1, velocity_m_s: [0.0; 2] };
+                bench.guard.set(0, Some(obstacle)).unwrap();
+            }
+            let speed_m_s =
+                bench.stick(Twist2::new(0.8 * angle.cos(), 0.8 * angle.sin(), 0.0)).twist_in_odom.speed_m_s();
+            assert!(speed_m_s <= 0.8 * SPEED_ROUNDING, "{number}, cycle {cycle}: {speed_m_s}");
+            fastest = fastest.max(if cycle < 1000 { speed_m_s } else { 0.0 });
+        }
+    }
+    assert!(fastest > 0.799, "{fastest}");
+}
+
+#[test]
 fn between_fence_and_obstacle_only_what_leaves_both_passes() {
     let corners_m = vec![[-3.0, -0.27], [3.0, -0.27], [3.0, 3.0], [-3.0, 3.0]];
     let fence = Some(FencePlan { corners_m, margin_m: 0.05, sigmas: 3.0 });
