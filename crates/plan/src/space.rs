@@ -203,6 +203,11 @@ impl<'a> Checker<'a> {
         (inner > 0.0).then(|| Checker { outline, reach, inner, ..self.clone() })
     }
 
+    /// Whether headings hardly count for it.
+    pub(crate) fn is_nearly_disc(&self) -> bool {
+        self.is_nearly_disc
+    }
+
     /// Whether nothing is in the way of a pose in the map's frame.
     pub fn is_free(&mut self, pose: &Pose2) -> bool {
         let pose = self.in_cells(pose);
