@@ -371,7 +371,7 @@ fn where_motors_become_too_hot_what_they_bear_is_used() {
     let limits = Limits { speed_m_s: 1.5, acceleration_m_s2: 6.0, jerk_m_s3: 30.0, ..LIMITS };
     let place = |at| Pose2::new(if at % 2 == 0 { 0.0 } else { 1.0 }, 0.2 * f64::from(at), 0.0);
     let places: Vec<Pose2> = (0..7).map(place).collect();
-    // What the mean with slower windows takes is 2.5 to 8 % longer.
+    // What the mean with slower windows takes is 3.4 to 8 % longer.
     for (tolerance_m, window_s, most_s) in
         [(0.0, 1.5, 7.36), (0.0, 4.0, 7.21), (0.05, 1.5, 6.81), (0.05, 4.0, 6.66)]
     {
