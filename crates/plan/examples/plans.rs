@@ -462,7 +462,10 @@ fn ask(row: &mut Row, random: &mut Random, scene: &Scene<'_>) -> Option<Plan> {
         Err(_) => {
             row.none += 1;
             row.none_ms = row.none_ms.max(took_ms);
-            row.missed += usize::from(best.is_some());
+            if let Some(best) = best {
+                row.missed += 1;
+                eprintln!("room {number}: not found, known with {best:.3} m: {from:?} to {to:?}");
+            }
             None
         }
     }

@@ -59,14 +59,7 @@ impl<'a> Gaps<'a> {
     pub fn new(space: &Space, clearance: &'a [f32], radius: f32, below: f32, ends: &[Point]) -> Self {
         let width = space.map.width;
         let range = (radius - HALF_DIAGONAL).max(0.0)..below;
-        let is_near_ridge = |at: usize| {
-            let (column, row) = (at % width, at / width);
-            if column == 0 || row == 0 || column + 1 == width || row + 1 == space.map.height {
-                return false;
-            }
-            let rise = [clearance[at + 1] - clearance[at - 1], clearance[at + width] - clearance[at - width]];
-            0.5 * rise[0].hypot(rise[1]) < RIDGE_RISE
-        };
+        let is_near_ridge = |at: usize| is_near_ridge(clearance, width, at);
         let near = clearance.iter().enumerate().filter(|(_, room)| range.contains(room));
         // Nothing stands in an occupied cell.
         let near = near.map(|(at, _)| at).filter(|at| !space.map.blocked[*at] && is_near_ridge(*at));
@@ -118,6 +111,16 @@ impl<'a> Gaps<'a> {
             None => None,
         }
     }
+}
+
+/// Whether things on more sides than one are near a cell, by each cell's clearance.
+pub(crate) fn is_near_ridge(clearance: &[f32], width: usize, at: usize) -> bool {
+    let column = at % width;
+    if column == 0 || at < width || column + 1 == width || at + width >= clearance.len() {
+        return false;
+    }
+    let rise = [clearance[at + 1] - clearance[at - 1], clearance[at + width] - clearance[at - width]];
+    0.5 * rise[0].hypot(rise[1]) < RIDGE_RISE
 }
 
 /// Where on a cell's square there is most room; `None` where a disc doesn't fit.

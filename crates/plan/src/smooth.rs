@@ -11,7 +11,9 @@ const ROUNDS: usize = 60;
 /// A band becomes longer by bending back at most by this.
 const LONGER: f64 = 1.004;
 /// Rounds of tightening: the pieces of a way, and then pieces half as long.
-pub(crate) const TIGHTENINGS: [usize; 2] = [12, 4];
+pub(crate) const TIGHTENINGS: [usize; 2] = [16, 8];
+/// By how much a heading gives way where a point would else not move, rad.
+const GIVES_WAY_RAD: f64 = 0.05;
 /// Points of a way that would move by less than this stay while it is drawn taut, in cells.
 const STILL: f64 = 2e-3;
 /// And those of a band while it bends back: slow waves along it go on for ever, and what they move is less than is driven.
@@ -62,6 +64,9 @@ pub(crate) fn shortened(way: &[Pose2], checker: &mut Checker<'_>) -> Vec<Pose2> 
 
 /// Moves turns to where the way is shorter, as far as the footprint's room allows: the ends stay.
 pub(crate) fn tightened(way: &mut [Pose2], checker: &mut Checker<'_>, rounds: usize) {
+    // A heading costs nothing: where it is in the way, it gives way. A disc's never is.
+    let turns_rad: &[f64] =
+        if checker.is_nearly_disc() { &[0.0] } else { &[0.0, GIVES_WAY_RAD, -GIVES_WAY_RAD] };
     let mut is_moving = vec![true; way.len()];
     for _ in 0..rounds {
         let mut has_moved = vec![false; way.len()];
@@ -79,11 +84,16 @@ pub(crate) fn tightened(way: &mut [Pose2], checker: &mut Checker<'_>, rounds: us
             if wished.distance_m(here) + (wished.heading_rad - here.heading_rad).abs() < STILL {
                 continue;
             }
-            let free =
-                [1.0, 0.3, 0.1, 0.03].into_iter().map(|part| between(&here, &wished, part)).find(|next| {
-                    checker.is_motion_free_in_cells(&before, next)
-                        && checker.is_motion_free_in_cells(next, &after)
-                });
+            let turned = |part: f64| {
+                let next = between(&here, &wished, part);
+                turns_rad
+                    .iter()
+                    .map(move |turn_rad| Pose2 { heading_rad: next.heading_rad + turn_rad, ..next })
+            };
+            let free = [1.0, 0.3, 0.1, 0.03].into_iter().flat_map(turned).find(|next| {
+                checker.is_motion_free_in_cells(&before, next)
+                    && checker.is_motion_free_in_cells(next, &after)
+            });
             if let Some(next) = free {
                 has_moved[at] = next.distance_m(here) > STILL;
                 way[at] = next;

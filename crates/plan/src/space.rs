@@ -183,6 +183,31 @@ impl<'a> Checker<'a> {
         Checker { step: (COARSE * room_m).max(FINEST_M) / self.space.map.cell_m, ..self.clone() }
     }
 
+    /// The same for an outline whose sides are nearer by so many cells; `None` where there is none.
+    pub(crate) fn smaller(&self, by: f64) -> Option<Checker<'a>> {
+        let count = self.outline.len();
+        let normal = |at: usize| {
+            let [from, to] = [at, at + 1].map(|at| self.outline[at % count]);
+            let side = [to[0] - from[0], to[1] - from[1]];
+            let size = side[0].hypot(side[1]);
+            [side[1] / size, -side[0] / size]
+        };
+        let corner = |at: usize| {
+            let [before, after] = [normal(at + count - 1), normal(at)];
+            let step = by / (1.0 + before[0] * after[0] + before[1] * after[1]);
+            [0, 1].map(|axis| self.outline[at][axis] - step * (before[axis] + after[axis]))
+        };
+        let outline: Vec<Point> = (0..count).map(corner).collect();
+        let reach = outline.iter().map(|corner| corner[0].hypot(corner[1])).fold(0.0, f64::max);
+        let inner = self.inner - by;
+        (inner > 0.0).then(|| Checker { outline, reach, inner, ..self.clone() })
+    }
+
+    /// Whether headings hardly count for it.
+    pub(crate) fn is_nearly_disc(&self) -> bool {
+        self.is_nearly_disc
+    }
+
     /// Whether nothing is in the way of a pose in the map's frame.
     pub fn is_free(&mut self, pose: &Pose2) -> bool {
         let pose = self.in_cells(pose);

@@ -3,9 +3,15 @@
 //! Where a disc around the whole footprint fits, the heading doesn't count and a place is one state; elsewhere it is one state a
 //! heading. What is left of a way to the goal is never longer than the way of the disc that every heading covers. Whether there is a way at all is
 //! known before, by `passages`.
+//!
+//! A state is a cell and a part of all headings. It stands in the middle of both, or, where that isn't free, beside it: in the middle of passages
+//! always, elsewhere where there is no way else. Doors at any angle, a few tenths of a cell wider than the footprint, are passed that way.
+
+use std::collections::HashMap;
 
 use omnibase_platform::{Pose2, wrap_angle_rad};
 
+use crate::gaps::is_near_ridge;
 use crate::search::{Queue, Search};
 use crate::space::{Checker, Space};
 
@@ -16,6 +22,10 @@ mod tests;
 use passages::State;
 
 const NOBODY: u32 = u32::MAX;
+/// What is known of a state: it wasn't looked at, it is free, or something is in the way.
+const UNKNOWN: u8 = 0;
+const FREE: u8 = 1;
+const BLOCKED: u8 = 2;
 /// What a turn by one radian costs, in parts of the way that the farthest corner makes by it.
 const TURN_COST: f64 = 0.03;
 /// What is left of a way counts so many times: far fewer states are looked at, and the way is shortened afterwards.
@@ -24,6 +34,10 @@ const EAGER: f32 = 1.1;
 const CORNER_STEP: f64 = 1.5;
 /// Headings of a cell, at least and at most.
 const HEADINGS: [usize; 2] = [16, 96];
+/// Parts of a cell and of a step of the heading by which a state in a passage may stand beside its middle.
+const PARTS: [f64; 3] = [-1.0 / 3.0, 0.0, 1.0 / 3.0];
+/// Where an outline that is smaller by this all around doesn't fit the whole one fits nowhere near, in cells.
+const FIT: f64 = 0.8;
 /// Most places with headings, about 10 bytes each: a robot's process keeps all its memory locked.
 const MOST_STATES: usize = 1 << 27;
 /// Most cells of a map in which turning is looked at.
@@ -64,6 +78,13 @@ impl Tree<'_> {
 /// A search over places and headings.
 pub struct Turning<'a, 'c> {
     checker: &'c mut Checker<'a>,
+    /// The same for a smaller outline: where it doesn't fit, the whole one fits nowhere near.
+    smaller: Option<Checker<'a>>,
+    clearance: &'a [f32],
+    /// Of states that aren't free in the middle of their cell with the middle of their heading where else they stand.
+    fitted: HashMap<usize, Pose2>,
+    /// Whether that is looked for everywhere; else where walls on more sides than one are near.
+    fits_everywhere: bool,
     /// Where every heading fits.
     outer: Search<'c>,
     /// Where one may fit.
@@ -71,7 +92,7 @@ pub struct Turning<'a, 'c> {
     width: usize,
     headings: usize,
     turn_cost: f32,
-    /// Of each state: 0 not looked at, 1 free, 2 in the way.
+    /// Of each state: [`UNKNOWN`], [`FREE`] or [`BLOCKED`].
     looked: Vec<u8>,
 }
 
@@ -79,7 +100,7 @@ impl<'a, 'c> Turning<'a, 'c> {
     /// For a footprint with the room that is kept, by the searches of its outer disc, whose radius is in m, and of its inner one; `None` where
     /// the map is too large.
     pub fn new(
-        space: &Space,
+        space: &'a Space,
         checker: &'c mut Checker<'a>,
         outer: Search<'c>,
         inner: Search<'c>,
@@ -95,14 +116,19 @@ impl<'a, 'c> Turning<'a, 'c> {
         let [least, most] = HEADINGS;
         let most = (MOST_STATES / cells.max(1) / 8 * 8).min(most);
         let headings = ((wanted / 8.0).ceil() as usize * 8).clamp(least, most);
+        let smaller = checker.smaller(FIT);
         Some(Turning {
+            smaller,
+            clearance: space.clearance(),
+            fitted: HashMap::new(),
+            fits_everywhere: false,
             checker,
             outer,
             inner,
             width: space.map.width,
             headings,
             turn_cost: (TURN_COST * outer_cells) as f32,
-            looked: vec![0; cells * headings],
+            looked: vec![UNKNOWN; cells * headings],
         })
     }
 
@@ -116,6 +142,11 @@ impl<'a, 'c> Turning<'a, 'c> {
     }
 
     fn pose(&self, cell: usize, heading: usize) -> Pose2 {
+        if !self.fitted.is_empty()
+            && let Some(fitted) = self.fitted.get(&(cell * self.headings + heading))
+        {
+            return *fitted;
+        }
         let heading_rad = self.heading_rad(heading);
         if let Some(gap) = self.inner.gap(cell) {
             return Pose2::new(gap.at[0], gap.at[1], heading_rad);
@@ -131,11 +162,37 @@ impl<'a, 'c> Turning<'a, 'c> {
             return false;
         }
         let state = cell * self.headings + heading;
-        if self.looked[state] == 0 {
+        if self.looked[state] == UNKNOWN {
             let pose = self.pose(cell, heading);
-            self.looked[state] = if self.checker.is_free_in_cells(&pose) { 1 } else { 2 };
+            let is_free = self.checker.is_free_in_cells(&pose) || self.fits(cell, state, &pose);
+            self.looked[state] = if is_free { FREE } else { BLOCKED };
         }
-        self.looked[state] == 1
+        self.looked[state] == FREE
+    }
+
+    /// Whether a state that isn't free in its middle is beside it: then it stands nearest to the mean of where it is.
+    fn fits(&mut self, cell: usize, state: usize, middle: &Pose2) -> bool {
+        let may_fit = self.fits_everywhere || is_near_ridge(self.clearance, self.width, cell);
+        if !may_fit || self.smaller.as_mut().is_some_and(|smaller| !smaller.is_free_in_cells(middle)) {
+            return false;
+        }
+        let turn_rad = std::f64::consts::TAU / self.headings as f64;
+        let places = PARTS
+            .into_iter()
+            .flat_map(|x| PARTS.into_iter().flat_map(move |y| PARTS.map(|turn| [x, y, turn])));
+        let free: Vec<[f64; 3]> = places
+            .filter(|[x, y, turn]| {
+                let pose = Pose2::new(middle.x_m + x, middle.y_m + y, middle.heading_rad + turn * turn_rad);
+                self.checker.is_free_in_cells(&pose)
+            })
+            .collect();
+        let count = free.len() as f64;
+        let mean = [0, 1, 2].map(|axis| free.iter().map(|place| place[axis]).sum::<f64>() / count);
+        let off = |place: &[f64; 3]| (0..3).map(|axis| (place[axis] - mean[axis]).powi(2)).sum::<f64>();
+        let Some([x, y, turn]) = free.iter().min_by(|a, b| off(a).total_cmp(&off(b))) else { return false };
+        let pose = Pose2::new(middle.x_m + x, middle.y_m + y, middle.heading_rad + turn * turn_rad);
+        self.fitted.insert(state, pose);
+        true
     }
 
     /// Whether a step between two free states is.
@@ -191,8 +248,26 @@ impl<'a, 'c> Turning<'a, 'c> {
 
     /// The places of the shortest way between two poses in cells; `None` where there is none.
     pub fn shortest(&mut self, from: &Pose2, to: &Pose2) -> Option<Vec<Place>> {
-        let (begins, ends) = (self.around(from), self.around(to));
-        if self.hang_together(&begins, &ends) { self.way(&begins, &ends) } else { None }
+        let regions = self.regions();
+        // Doors that are hardly wide enough are looked for only where there is no other way.
+        for everywhere in [false, true] {
+            if everywhere {
+                // What was in the way may fit beside its middle.
+                let blocked = self.looked.iter_mut().filter(|looked| **looked == BLOCKED);
+                blocked.for_each(|looked| *looked = UNKNOWN);
+            }
+            self.fits_everywhere = everywhere;
+            let (begins, ends) = (self.around(from), self.around(to));
+            let is_there = self.hang_together(&begins, &ends, &regions);
+            self.fits_everywhere = false;
+            if is_there {
+                return self.way(&begins, &ends);
+            }
+            if self.inner.queue().is_over() {
+                break;
+            }
+        }
+        None
     }
 
     /// The places of the shortest way from any of the first states to any of the last ones.

@@ -63,6 +63,8 @@ pub(crate) enum Drive<'a> {
 struct Now {
     /// Where the body is.
     place: Place,
+    /// The greatest speed of the stop from here, m/s.
+    fastest_m_s: f64,
     /// How far the platform isn't where it shall be, m.
     error_m: f64,
     /// What is to be kept, here and at the end of the stop from here.
@@ -334,8 +336,9 @@ impl Guard {
         let place = Place::of(&pose);
         let body = self.outline.at(place);
         let fence_m = self.fence.as_ref().map_or(f64::INFINITY, |(_, fence)| fence.room_m(&body));
+        let stop = self.braking.of(here);
         let (here_m, standing_m) = {
-            let left = self.way_left(&self.braking.of(here), here, error_m);
+            let left = self.way_left(&stop, here, error_m);
             let standing = self.spread.after(&left, &self.growth);
             (self.spread.at_m(self.outline.reach_m()), standing.at_m(self.outline.reach_m()))
         };
@@ -347,7 +350,15 @@ impl Guard {
             self.fence.as_ref().map_or((0.0, 0.0), |(fence, _)| (fence.margin_m, fence.sigmas));
         let obstacle_need_m = need(self.distance_m, self.obstacle_sigmas);
         let obstacles_m = self.near_obstacles_m(here, &body, obstacle_need_m.standing_m);
-        Now { place, error_m, fence_need_m: need(margin_m, sigmas), obstacle_need_m, fence_m, obstacles_m }
+        Now {
+            place,
+            fastest_m_s: stop.fastest_m_s,
+            error_m,
+            fence_need_m: need(margin_m, sigmas),
+            obstacle_need_m,
+            fence_m,
+            obstacles_m,
+        }
     }
 
     /// The distances of obstacles that may hold something back.
@@ -379,8 +390,9 @@ impl Guard {
     /// Whether the stop after a cycle's motion is known to keep off fence and obstacles; `Err` says what it may meet.
     fn check(&self, [here, next]: [&Setpoint; 2], now: &Now) -> Result<(), LimitedBy> {
         let sweep = self.braking.of(next);
-        if sweep.fastest_m_s > self.limits.speed_m_s * SPEED_ROUNDING {
-            // The stop itself must keep the limit on speed.
+        // The stop itself must keep the limit on speed; where the one from here doesn't, for nothing was near while it went round or limits
+        // were lowered, it must become no faster.
+        if sweep.fastest_m_s > self.limits.speed_m_s.max(now.fastest_m_s) * SPEED_ROUNDING {
             return Err(LimitedBy::Nothing);
         }
         let [least, greatest] = sweep.turn_rad;

@@ -74,11 +74,14 @@ fn peak_mb(is_anew: bool) -> f64 {
 fn main() {
     println!("| what | points | limits | CPU ms | memory MB | motion s |\n|---|---|---|---|---|---|");
     let joining = Joining { radius_m: 0.5, corner_rad: 0.52, tolerance_m: 0.05 };
-    let slow = Limits { jerk_m_s3: 10.0, angular_jerk_rad_s3: 40.0, ..LIMITS };
+    let with_jerk = |jerk_m_s3| Limits { jerk_m_s3, angular_jerk_rad_s3: 4.0 * jerk_m_s3, ..LIMITS };
+    let (quick, slow) = (with_jerk(40.0), with_jerk(10.0));
     let many: &[usize] = &[20, 80, 1000, 10_000, 100_000];
     for (name, bounds, counts) in [
         ("platform", PlatformBounds::new(LIMITS), many),
         ("wheels, grip, heat", wheels(), many),
+        ("platform, jerk 40 m/s³", PlatformBounds::new(quick), &many[..2]),
+        ("wheels, grip, heat, jerk 40 m/s³", PlatformBounds { limits: quick, ..wheels() }, &many[..2]),
         ("platform, jerk 10 m/s³", PlatformBounds::new(slow), &many[..2]),
         ("wheels, grip, heat, jerk 10 m/s³", PlatformBounds { limits: slow, ..wheels() }, &many[..2]),
     ] {

@@ -20,7 +20,9 @@ use crate::geometry::GeometricPath;
 use crate::polynomial::over_time;
 use crate::reach::{AccelerationBounds, Reached, Unreachable};
 use crate::trajectory::{LONGEST_S, Setpoint, Trajectory};
+use bounds::Warming;
 use grid::{Excess, Grid};
+use optimum::Seen;
 use smooth::Progress;
 
 /// A geometric path in the shortest time.
@@ -78,11 +80,8 @@ const FEW_AFTER: usize = 2;
 const MORE: f64 = 2.0;
 /// What a limit may be exceeded by before a round, over itself; the last stretch takes it away.
 const NEAR: f64 = 1e-3;
-/// What the jerk may cost, over the time without regard to it, before the best motion near by is sought; and about how often: as long as
-/// one is found that gains this part.
+/// What the jerk may cost, over the time without regard to it, before the best motion near by is sought.
 const COSTS: f64 = 0.02;
-const GAINS: f64 = 0.02;
-const SEARCHES: usize = 4;
 /// Where pieces of the progress are looked at: beside their joints, and between them.
 const LOOKS: [f64; 3] = [0.001, 0.5, 0.999];
 
@@ -182,14 +181,13 @@ impl Start {
         let joints = near.path.breaks();
         let is_near = vec![true; self.grid.intervals.len()];
         let looks = Looks { grid: &self.grid, joints: &joints, window_s: 0.0, is_near: &is_near };
-        let paces = |progress: &Progress| {
+        let look = |progress: &Progress| {
+            let motion = FastestTrajectory::of(near.path, progress.clone());
             let mut paces = vec![1.0_f64; progress.piece_count()];
-            FastestTrajectory::of(near.path, progress.clone()).look(&looks, bounds, |piece, _, pace| {
-                paces[piece] = paces[piece].max(pace);
-            });
-            paces
+            motion.look(&looks, bounds, |piece, _, pace| paces[piece] = paces[piece].max(pace));
+            Seen { paces, squares: motion.warming(bounds).map_or_else(Vec::new, |warming| warming.squares()) }
         };
-        let found = optimum::shortest(&near.path, bounds, &near.progress, self.window_s, paces)?;
+        let found = optimum::shortest(&near.path, bounds, &near.progress, self.window_s, look)?;
         let found = FastestTrajectory::of(near.path, found);
         let is_better = found.duration_s() < near.duration_s() && found.too_hot(bounds).is_empty();
         is_better.then_some(found)
@@ -212,17 +210,8 @@ impl<P: GeometricPath> FastestTrajectory<P> {
         let mut best = FastestTrajectory::of(&path, start.smoothed(&path, bounds)?);
         if best.duration_s() > (1.0 + COSTS) * start.lasts_s() {
             // The mean looks past whatever is shorter than its window, and one window holds for the whole.
-            for _ in 0..SEARCHES {
-                let Some(found) = start.shorter(&best, bounds).filter(|found| is_so(&path, &found.progress))
-                else {
-                    break;
-                };
-                let is_done = found.duration_s() > (1.0 - GAINS) * best.duration_s();
-                best = found;
-                if is_done {
-                    break;
-                }
-            }
+            let found = start.shorter(&best, bounds).filter(|found| is_so(&path, &found.progress));
+            best = found.unwrap_or(best);
         }
         let progress = best.progress;
         Ok(FastestTrajectory::of(path, progress))
@@ -282,13 +271,16 @@ impl<P: GeometricPath> FastestTrajectory<P> {
         }
     }
 
+    /// How warm it makes motors, where that counts.
+    fn warming(&self, bounds: &PlatformBounds) -> Option<Warming> {
+        let mut of_path = 0;
+        let along = |piece, part| self.along(self.progress.in_piece(piece, part).1, 1.0, &mut of_path);
+        Some(bounds.heat.as_ref()?.warming(self.progress.times_s(), along))
+    }
+
     /// Where motors become too hot.
     fn too_hot(&self, bounds: &PlatformBounds) -> Vec<Excess> {
-        let Some(heat) = &bounds.heat else { return Vec::new() };
-        let mut of_path = 0;
-        let warming = heat.warming(self.progress.times_s(), |piece, part| {
-            self.along(self.progress.in_piece(piece, part).1, 1.0, &mut of_path)
-        });
+        let Some(warming) = self.warming(bounds) else { return Vec::new() };
         let excess = |(times_s, load): ([f64; 2], f64)| Excess {
             between: times_s.map(|time_s| self.progress.at(time_s)[0]),
             pace: load.sqrt(),

@@ -13,7 +13,7 @@ use crate::search::Queue;
 pub(super) type State = (usize, usize);
 
 /// Which hall each cell belongs to.
-struct Regions {
+pub(super) struct Regions {
     /// [`NOBODY`] where no hall is.
     hall: Vec<u32>,
     /// To the hall.
@@ -56,8 +56,7 @@ impl Parts<'_> {
 
 impl Turning<'_, '_> {
     /// Whether any of the last states is reached from any of the first ones, all of which are.
-    pub(super) fn hang_together(&mut self, begins: &[State], ends: &[State]) -> bool {
-        let regions = self.regions();
+    pub(super) fn hang_together(&mut self, begins: &[State], ends: &[State], regions: &Regions) -> bool {
         let mut parts = Parts {
             of: vec![0; self.looked.len()],
             joined: (0..regions.halls).collect(),
@@ -66,21 +65,22 @@ impl Turning<'_, '_> {
         let [from, to] = [begins, ends].map(|states| {
             let part = parts.add();
             for state in states {
-                let own = self.part(*state, &regions, &mut parts);
+                let own = self.part(*state, regions, &mut parts);
                 parts.join(part, own);
             }
             part
         });
-        for cells in self.borders(&regions) {
+        for cells in self.borders(regions) {
             if parts.are_joined(from, to) || parts.queue.is_over() {
                 break;
             }
-            self.cross(cells, &regions, &mut parts);
+            self.cross(cells, regions, &mut parts);
         }
         parts.are_joined(from, to)
     }
 
-    fn regions(&self) -> Regions {
+    /// Which hall each cell belongs to.
+    pub(super) fn regions(&self) -> Regions {
         let cells = self.looked.len() / self.headings;
         let mut regions = Regions { hall: vec![NOBODY; cells], steps: vec![0; cells], halls: 0 };
         let mut left = Vec::new();

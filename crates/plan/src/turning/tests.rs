@@ -44,7 +44,8 @@ fn whether_there_is_a_way_is_known_before_it_is_looked_for() {
             free.retain(|(cell, heading)| turning.is_free(*cell, *heading));
             for _ in 0..5 {
                 let [from, to] = [0, 1].map(|_| free[next(0.0, free.len() as f64) as usize]);
-                let is_there = turning.hang_together(&[from], &[to]);
+                let regions = turning.regions();
+                let is_there = turning.hang_together(&[from], &[to], &regions);
                 let is_near = turning.ways_to(to.0)[from.0].is_finite();
                 let is_found = is_near && turning.way(&[from], &[to]).is_some();
                 assert_eq!(is_there, is_found, "{number}: {from:?} to {to:?}");
@@ -89,8 +90,9 @@ fn a_state_takes_few_looks() {
         let [from, to] = [[0.5, 1.0], [2.5, 1.0]].map(|[x, y]| Pose2::new(x / 0.05, y / 0.05, 1.5));
         assert!(turning.shortest(&from, &to).is_some());
         let states = turning.looked.iter().filter(|looked| **looked != 0).count();
+        // Those in the door's middle that something is in the way of are looked for beside it, too.
         assert!(
-            states > 400 && turning.checker.looks < 3 * states,
+            states > 400 && turning.checker.looks < 8 * states,
             "{} looks at {states} states",
             turning.checker.looks
         );

@@ -1,6 +1,6 @@
 //! Ways out: whether a motion and the stop after it lead away from what is too near already.
 //!
-//! Away means: at no moment nearer than a robot that stays where it is now, wherever a moving obstacle is meanwhile.
+//! Away means: at no moment nearer than a robot that stays where it was a moment before, wherever a moving obstacle is meanwhile.
 //!
 //! The distance from a convex body to a point is a convex function of the point's place, seen from the body. So with n,
 //! its direction of growth, the point is no nearer wherever it has moved along n, and that is all that is asked:
@@ -60,7 +60,8 @@ impl<'a> Retreat<'a> {
         let far_rad = if greatest > -least { greatest } else { least };
         let end_origin = plus([to.x_m, to.y_m], sweep.way, 1.0);
         let end = Pose2::new(end_origin[0], end_origin[1], to.heading_rad + far_rad);
-        let turn_rad = [(step_rad + least).min(0.0), (step_rad + greatest).max(0.0)];
+        // A stop that turns back counts as a turn to both sides from where it is now: what was gained isn't given back.
+        let turn_rad = [step_rad.min(0.0) + least, step_rad.max(0.0) + greatest];
         Retreat {
             body: footprint.at(place),
             end: footprint.placed(&end),

@@ -230,6 +230,53 @@ fn a_corner_that_would_come_nearer_forbids_the_turn_and_no_other() {
 }
 
 #[test]
+fn what_a_turn_away_gained_is_not_given_back() {
+    let beside = Obstacle { centre_m: [0.3, 0.25], radius_m: 0.02, velocity_m_s: [0.0; 2] };
+    let mut moved = 0_u32;
+    for number in 0..40 {
+        // A turn that is taken back at its own rate is followed with the acceleration of a stop, which may lead past rest.
+        let rate_rad_s2 = 0.2 * f64::from(number);
+        let mut bench = Bench::oblong(None, &[beside]);
+        for cycle in 0..300 {
+            let slower = rate_rad_s2 * PERIOD_S * f64::from(u32::saturating_sub(cycle, 20));
+            let before = bench.pose();
+            let after = bench.stick(Twist2::new(0.0, 0.0, (slower - 0.8).min(0.0))).odom_from_body;
+            let [was_m, is_m] = [&before, &after].map(|pose| bench.distances_m(pose)[0]);
+            let too_near = was_m < bench.guard.distance_m - INSIDE_M;
+            assert!(!too_near || is_m >= was_m - 1e-7, "{number}, cycle {cycle}: {was_m} to {is_m}");
+            moved += u32::from(after != before);
+        }
+    }
+    assert!(moved > 1000, "{moved}");
+}
+
+#[test]
+fn an_obstacle_that_appears_while_it_goes_round_at_full_speed_makes_it_no_faster() {
+    // So soft that what speeds it up ends late.
+    let limits = Limits { jerk_m_s3: 2.0, ..limits() };
+    let mut fastest = 0.0_f64;
+    for number in 0..20 {
+        let mut bench = Bench::oblong(None, &[]);
+        bench.guard.keep_to(&limits, &limits);
+        for cycle in 0..1500 {
+            let angle = 0.1 * f64::from(number) + 0.6 * PERIOD_S * f64::from(cycle);
+            if cycle == 1000 + number {
+                let here = bench.pose();
+                let [x, y] = [2.0 + 0.1 * f64::from(number), 0.0];
+                let centre_m = [here.x_m + x, here.y_m + y];
+                let obstacle = Obstacle { centre_m, radius_m: 0.1, velocity_m_s: [0.0; 2] };
+                bench.guard.set(0, Some(obstacle)).unwrap();
+            }
+            let speed_m_s =
+                bench.stick(Twist2::new(0.8 * angle.cos(), 0.8 * angle.sin(), 0.0)).twist_in_odom.speed_m_s();
+            assert!(speed_m_s <= 0.8 * SPEED_ROUNDING, "{number}, cycle {cycle}: {speed_m_s}");
+            fastest = fastest.max(if cycle < 1000 { speed_m_s } else { 0.0 });
+        }
+    }
+    assert!(fastest > 0.799, "{fastest}");
+}
+
+#[test]
 fn between_fence_and_obstacle_only_what_leaves_both_passes() {
     let corners_m = vec![[-3.0, -0.27], [3.0, -0.27], [3.0, 3.0], [-3.0, 3.0]];
     let fence = Some(FencePlan { corners_m, margin_m: 0.05, sigmas: 3.0 });

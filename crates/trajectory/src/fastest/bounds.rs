@@ -1,5 +1,7 @@
 //! What a platform may do along a way, and how far it does.
 
+use std::collections::VecDeque;
+
 use crate::limits::{Limits, Quantity};
 use crate::reach::{AccelerationBounds, Bend, Interval, Plane, resisting};
 use crate::trajectory::{Setpoint, Trajectory};
@@ -224,15 +226,50 @@ impl Heat {
 impl Warming {
     /// The windows that end at its times, s, and the root of the mean square of the warmest motor's torque in each.
     pub(super) fn windows(&self) -> impl Iterator<Item = ([f64; 2], f64)> {
+        self.spans().map(|[from, to]| {
+            let warmest =
+                (0..self.sums.len()).map(|motor| self.square(motor, [from, to])).fold(0.0, f64::max);
+            ([(self.times_s[to] - self.window_s).max(0.0), self.times_s[to]], warmest.sqrt())
+        })
+    }
+
+    /// Of each motor, piece by piece, the greatest mean square of its torque in any window that holds the piece.
+    pub(super) fn squares(&self) -> Vec<Vec<f64>> {
+        let of_motor = |motor: usize| {
+            let mut coming = self.spans().map(|span| (span, self.square(motor, span))).peekable();
+            // Those behind which a greater one ends later never count again.
+            let mut greatest: VecDeque<(usize, f64)> = VecDeque::new();
+            let square = |piece: usize| {
+                while let Some(([_, to], square)) = coming.next_if(|([from, _], _)| *from <= piece) {
+                    while greatest.back().is_some_and(|(_, last)| *last <= square) {
+                        greatest.pop_back();
+                    }
+                    greatest.push_back((to, square));
+                }
+                while greatest.front().is_some_and(|(to, _)| *to <= piece) {
+                    greatest.pop_front();
+                }
+                greatest.front().map_or(0.0, |(_, square)| *square)
+            };
+            (0..self.times_s.len() - 1).map(square).collect()
+        };
+        (0..self.sums.len()).map(of_motor).collect()
+    }
+
+    /// Between which of its times the windows lie that end at each of them.
+    fn spans(&self) -> impl Iterator<Item = [usize; 2]> {
         let mut from = 0;
-        self.times_s.iter().enumerate().map(move |(to, to_s)| {
-            let from_s = to_s - self.window_s;
-            while from + 1 < to && self.times_s[from + 1] <= from_s {
+        (0..self.times_s.len()).map(move |to| {
+            while from + 1 < to && self.times_s[from + 1] <= self.times_s[to] - self.window_s {
                 from += 1;
             }
-            let warmest = self.sums.iter().map(|sum| sum[to] - sum[from]).fold(0.0, f64::max);
-            ([from_s.max(0.0), *to_s], (warmest / self.window_s).sqrt())
+            [from, to]
         })
+    }
+
+    /// The mean square of a motor's torque in a window.
+    fn square(&self, motor: usize, [from, to]: [usize; 2]) -> f64 {
+        (self.sums[motor][to] - self.sums[motor][from]) / self.window_s
     }
 }
 

@@ -21,11 +21,12 @@ const AT_A_JOINT: f64 = 3.0;
 const IN_A_WINDOW: [f64; 2] = [5.0, 20.0];
 const LEAST_STEPS: usize = 32;
 const MOST_STEPS: f64 = 2000.0;
-/// The first x is so far within all limits, as a factor on the time.
+/// The first x is so far within all limits, and the first of a further round within lowered ones, as a factor on the time.
 const WITHIN: f64 = 1.05;
+const WITHIN_AGAIN: f64 = 1.01;
 /// What all prices make of the time when it begins, when it begins again, and in the end.
 const GAP: f64 = 1.0;
-const GAP_AGAIN: f64 = 0.1;
+const GAP_AGAIN: f64 = 0.01;
 const LAST_GAP: f64 = 1e-3;
 /// What part of the gap is asked for next: what the last move left, within these. A move that makes so much of itself is whole.
 const LESS: [f64; 2] = [0.05, 0.9];
@@ -36,9 +37,21 @@ const SHORTEST: f64 = 1e-6;
 const SHORTER: f64 = 0.8;
 /// A move leaves so much of what is left to each limit, and of its price.
 const LEFT: f64 = 0.1;
+/// How often the best motion near by is sought; and again, as long as that gains this part.
+const SEARCHES: usize = 4;
+const GAINS: f64 = 0.02;
 /// Rounds of lowering limits, until none is exceeded by more; a last stretch takes that away.
 const ROUNDS: usize = 4;
 const NEAR: f64 = 1e-3;
+/// Rounds where motors become too hot: what their heat costs is found, too.
+const HOT_ROUNDS: usize = 16;
+/// And until the greatest mean square is so near to what they bear.
+const HEAT_LEFT: f64 = 0.01;
+/// A cost becomes so many times as much as the mean square is, to this power: half as much heat costs two to four times as much.
+const DEARER: f64 = 1.5;
+/// What the heat of a motor costs first: of motions that speed up evenly and brake again, as many seconds as they take for what they heat, that is
+/// the least where the mean square of the torque is 1.
+const FIRST_COST: f64 = 1.0 / 3.0;
 /// Gauss and Legendre's rule of three points.
 const GAUSS: [[f64; 2]; 3] =
     [[0.112_701_665_379_258_3, 5.0 / 18.0], [0.5, 8.0 / 18.0], [0.887_298_334_620_741_7, 5.0 / 18.0]];
@@ -62,14 +75,20 @@ struct Look {
     acceleration: [Row; 3],
     jerk: [Row; 3],
     planes: Range<usize>,
+    /// Another look at the same moment asks for speed and acceleration, which jump nowhere: here only the jerk counts.
+    is_for_jerk: bool,
 }
 
 /// One limit at one look: what is left to it, how fast that falls over the state, and its price.
 #[derive(Clone, Copy)]
 struct Bar {
     left: f64,
+    /// One over it.
+    per_left: f64,
     falls: Row,
     price: f64,
+    /// By how much the price changes next.
+    change: f64,
 }
 
 /// Looks and limits of a step.
@@ -78,12 +97,25 @@ struct Step {
     bars: Range<usize>,
 }
 
+/// What limits and motors say to a motion, by its pieces.
+pub(super) struct Seen {
+    /// By how many times longer it must take to keep the limits.
+    pub(super) paces: Vec<f64>,
+    /// Of each motor the greatest mean square of its torque, over what it bears for ever, in any window that the piece lies in.
+    pub(super) squares: Vec<Vec<f64>>,
+}
+
 /// All that is asked of a motion between two rests.
 #[derive(Default)]
 struct Scene {
     steps: Vec<Step>,
     looks: Vec<Look>,
     planes: Vec<Row>,
+    motors: usize,
+    /// At each look the torque of each motor over what it bears for ever.
+    torques: Vec<Row>,
+    /// What the heat of each motor costs on each step: so many times as much as the time in which its torque is what it bears for ever.
+    costs: Vec<f64>,
 }
 
 /// A quadratic form over a step's state: its slope, and its curvature, from the first row's three to the last one's one.
@@ -96,7 +128,7 @@ struct Form {
 impl Form {
     fn add(&mut self, row: &Row, slope: f64, curve: f64) {
         let [x, u, w] = *row;
-        let [cx, cu, cw] = row.map(|part| curve * part);
+        let [cx, cu, cw] = scaled(row, curve);
         let products = [cx * x, cx * u, cx * w, cu * u, cu * w, cw * w];
         self.curve.iter_mut().zip(products).for_each(|(sum, product)| *sum += product);
         self.slope.iter_mut().zip(row).for_each(|(sum, part)| *sum += slope * part);
@@ -105,6 +137,10 @@ impl Form {
 
 fn dot(a: &Row, b: &State) -> f64 {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+fn scaled([x, u, w]: &Row, by: f64) -> Row {
+    [by * x, by * u, by * w]
 }
 
 fn moved(states: &[State], moves: &[State], part: f64) -> Vec<State> {
@@ -116,27 +152,32 @@ impl Look {
     /// Tells what is left to each limit, how fast that falls, and the rows whose squares make it fall.
     fn limits(&self, planes: &[Row], state: &State, mut take: impl FnMut(f64, Row, &[Row])) {
         let x = dot(&self.x, state);
-        take(1.0 - self.speed * x, self.x.map(|part| self.speed * part), &[]);
-        // The squares of the radii: 1 for the acceleration, 1/x for the jerk.
-        for (rows, square, fall) in [(&self.acceleration, 1.0, 0.0), (&self.jerk, 1.0 / x, 1.0 / (x * x))] {
+        // The squares of the radii: 1/x for the jerk, 1 for the acceleration.
+        let per_x = 1.0 / x;
+        for (rows, square, fall) in [(&self.jerk, per_x, per_x * per_x), (&self.acceleration, 1.0, 0.0)] {
             for ball in BALLS {
                 let rows = &rows[ball];
-                let (mut left, mut falls) = (square, self.x.map(|part| fall * part));
+                let (mut left, mut falls) = (square, scaled(&self.x, fall));
                 for row in rows {
                     let y = dot(row, state);
                     left -= y * y;
-                    falls = std::array::from_fn(|at| falls[at] + 2.0 * y * row[at]);
+                    let [a, b, c] = scaled(row, 2.0 * y);
+                    falls = [falls[0] + a, falls[1] + b, falls[2] + c];
                 }
                 take(left, falls, rows);
             }
+            if self.is_for_jerk {
+                return;
+            }
         }
+        take(1.0 - self.speed * x, scaled(&self.x, self.speed), &[]);
         for row in &planes[self.planes.clone()] {
             take(1.0 - dot(row, state), *row, &[]);
         }
     }
 
     fn limit_count(&self) -> usize {
-        1 + 2 * BALLS.len() + self.planes.len()
+        if self.is_for_jerk { BALLS.len() } else { 1 + 2 * BALLS.len() + self.planes.len() }
     }
 }
 
@@ -144,28 +185,30 @@ impl Scene {
     fn new(path: &impl GeometricPath, bounds: &PlatformBounds, spline: &Progress, joints: &[f64]) -> Scene {
         let count = spline.piece_count();
         let step_s = spline.duration_s() / count as f64;
-        let mut scene = Scene::default();
+        let motors = bounds.heat.as_ref().map_or(0, |heat| heat.torques.len());
+        let mut scene = Scene { motors, costs: vec![0.0; count * motors], ..Scene::default() };
         let (mut of_path, mut joint, mut bars) = (0, 0, 0);
         for step in 0..count {
             let first = scene.looks.len();
-            let mut look = |part: f64, progress: [f64; 4], side: f64| {
+            let mut look = |part: f64, progress: [f64; 4], side: f64, is_for_jerk: bool| {
                 let axes = path.sample_near(progress[0], side, &mut of_path);
                 let at = Setpoint::from_axes(axes.map(|axis| over_time(axis, progress)));
                 let rate = progress[1] / path.most_rate(progress[0]);
-                scene.push(bounds, &at, rate, [part, step_s]);
+                scene.push(bounds, &at, rate, [part, step_s], is_for_jerk);
             };
             let [begin, middle, end] = [0.0, 0.5, 1.0].map(|part| spline.in_piece(step, part).1);
-            look(0.0, begin, 1.0);
-            look(0.5, middle, 1.0);
+            look(0.0, begin, 1.0, false);
+            look(0.5, middle, 1.0, false);
             // Where the way's third derivative jumps, the jerk does: both sides of it count.
             joint += joints[joint..].iter().take_while(|joint| **joint <= begin[0]).count();
             for sigma in joints[joint..].iter().take_while(|joint| **joint < end[0]) {
                 let (time_s, [_, rates @ ..]) = spline.in_piece_at(step, *sigma);
-                for side in [-1.0, 1.0] {
-                    look(time_s / step_s - step as f64, [*sigma, rates[0], rates[1], rates[2]], side);
+                for (side, is_for_jerk) in [(-1.0, true), (1.0, false)] {
+                    let part = time_s / step_s - step as f64;
+                    look(part, [*sigma, rates[0], rates[1], rates[2]], side, is_for_jerk);
                 }
             }
-            look(1.0, end, -1.0);
+            look(1.0, end, -1.0, step + 1 < count);
             let looks = first..scene.looks.len();
             // The trapezoidal rule.
             scene.looks[looks.start].weight = 0.5;
@@ -178,7 +221,14 @@ impl Scene {
     }
 
     /// A look at a part of a step, where the spline's own motion is `at`, and its rate takes a part of what the way allows.
-    fn push(&mut self, bounds: &PlatformBounds, at: &Setpoint, rate: f64, [part, step_s]: [f64; 2]) {
+    fn push(
+        &mut self,
+        bounds: &PlatformBounds,
+        at: &Setpoint,
+        rate: f64,
+        [part, step_s]: [f64; 2],
+        is_for_jerk: bool,
+    ) {
         let limits = &bounds.limits;
         // From what x, u and u' make there to what those at the beginning do.
         let row = |x: f64, u: f64, w: f64| {
@@ -190,10 +240,16 @@ impl Scene {
         let accelerations = [along, along, turn];
         let jerks = [limits.jerk_m_s3, limits.jerk_m_s3, limits.angular_jerk_rad_s3];
         let from = self.planes.len();
-        bounds.planes_at(&first, |_, plane, left| {
-            let [x, u] = [second, first].map(|of| dot(&plane.normal, &of) / left);
-            self.planes.push(row(x, u, 0.0));
-        });
+        if !is_for_jerk {
+            bounds.planes_at(&first, |_, plane, left| {
+                let [x, u] = [second, first].map(|of| dot(&plane.normal, &of) / left);
+                self.planes.push(row(x, u, 0.0));
+            });
+        }
+        for torque in bounds.heat.iter().flat_map(|heat| &heat.torques) {
+            let [x, u] = [second, first].map(|of| dot(torque, &of));
+            self.torques.push(row(x, u, 0.0));
+        }
         self.looks.push(Look {
             x: row(1.0, 0.0, 0.0),
             weight: 0.0,
@@ -207,6 +263,7 @@ impl Scene {
                 row(x, u, w)
             }),
             planes: from..self.planes.len(),
+            is_for_jerk,
         });
     }
 
@@ -250,19 +307,23 @@ impl Scene {
         // Backwards: u' as the best answer to x and u, and what is then left to pay from there on.
         let mut answers = vec![[0.0; 3]; states.len()];
         let (mut slope, mut curve) = ([0.0; 2], [0.0; 3]);
-        for ((step, state), answer) in self.steps.iter().zip(states).zip(&mut answers).rev() {
+        for (number, ((step, state), answer)) in
+            self.steps.iter().zip(states).zip(&mut answers).enumerate().rev()
+        {
             let mut form = Form::default();
             let mut of_step = bars[step.bars.clone()].iter_mut();
-            for look in &self.looks[step.looks.clone()] {
+            for at in step.looks.clone() {
+                let look = &self.looks[at];
                 if look.weight > 0.0 {
                     let x = dot(&look.x, state);
                     let rate = 0.5 * look.weight / (x * x.sqrt());
                     form.add(&look.x, -rate, 1.5 * rate / x);
+                    self.add_heat(&mut form, [number, at], state, [x, rate]);
                 }
                 look.limits(&self.planes, state, |left, falls, rows| {
                     let bar = of_step.next().expect("each limit has one");
-                    bar.falls = falls;
-                    form.add(&falls, weight / left, bar.price / left);
+                    (bar.falls, bar.per_left) = (falls, 1.0 / left);
+                    form.add(&falls, weight * bar.per_left, bar.price * bar.per_left);
                     rows.iter().for_each(|row| form.add(row, 0.0, 2.0 * bar.price));
                 });
             }
@@ -297,42 +358,70 @@ impl Scene {
         moves.collect()
     }
 
+    /// Adds what heat costs at a look of a step: each motor's torque squared, over √x.
+    fn add_heat(&self, form: &mut Form, [step, look]: [usize; 2], state: &State, [x, rate]: [f64; 2]) {
+        let costs = &self.costs[step * self.motors..(step + 1) * self.motors];
+        for (cost, torque) in
+            costs.iter().zip(&self.torques[look * self.motors..]).filter(|(cost, _)| **cost > 0.0)
+        {
+            let [load, of_x] = [dot(torque, state), 0.5 / x];
+            let [along, rate] = [load * of_x, cost * rate];
+            let slanted = std::array::from_fn(|at| torque[at] - along * self.looks[look].x[at]);
+            form.add(&slanted, 4.0 * rate * x * load, 4.0 * rate * x);
+            form.add(&self.looks[look].x, rate * load * load, rate * load * along);
+        }
+    }
+
     /// Moves states within all limits to those of the least time, or towards them.
-    fn solve(&self, states: &mut Vec<State>, gap: f64) {
-        let mut bars = Vec::new();
+    fn solve(&self, states: &mut Vec<State>, bars: &mut Vec<Bar>) {
+        let is_new = bars.is_empty();
+        let mut at = 0;
         for (step, state) in self.steps.iter().zip(states.iter()) {
-            self.limits(step, state, |left, falls, _| bars.push(Bar { left, falls, price: 0.0 }));
+            self.limits(step, state, |left, falls, _| {
+                if is_new {
+                    bars.push(Bar { left, per_left: 0.0, falls, price: 0.0, change: 0.0 });
+                } else {
+                    bars[at].left = left;
+                    at += 1;
+                }
+            });
         }
         let (count, length) = (bars.len() as f64, states.len() as f64);
-        bars.iter_mut().for_each(|bar| bar.price = gap * length / count / bar.left);
+        let even = |gap: f64, bar: &Bar| gap * length / count / bar.left;
+        if is_new {
+            bars.iter_mut().for_each(|bar| bar.price = even(GAP, bar));
+        } else {
+            bars.iter_mut().for_each(|bar| bar.price = bar.price.max(even(GAP_AGAIN, bar)));
+        }
         let mut less = 0.5;
         for _ in 0..MOVES {
             let gap = bars.iter().map(|bar| bar.left * bar.price).sum::<f64>();
             let weight = less * gap / count;
-            let moves = self.newton(states, &mut bars, weight);
-            let of_steps = || {
-                self.steps.iter().zip(&moves).flat_map(|(step, by)| step.bars.clone().map(move |at| (at, by)))
-            };
+            let moves = self.newton(states, bars, weight);
             let (mut part, mut of_prices) = (1.0_f64, 1.0_f64);
-            let mut changes = Vec::with_capacity(bars.len());
-            for (at, by) in of_steps() {
-                let Bar { left, falls, price } = &bars[at];
-                let falls = dot(falls, by);
-                let change = (weight + price * falls) / left - price;
-                part = part.min((1.0 - LEFT) * left / falls.max(0.0));
-                of_prices = of_prices.min((1.0 - LEFT) * price / (-change).max(0.0));
-                changes.push(change);
+            for (step, by) in self.steps.iter().zip(&moves) {
+                for bar in &mut bars[step.bars.clone()] {
+                    let falls = dot(&bar.falls, by);
+                    bar.change = (weight + bar.price * falls) * bar.per_left - bar.price;
+                    // Few bars are the first ones that are met: only these are worth a quotient.
+                    if (1.0 - LEFT) * bar.left < part * falls {
+                        part = (1.0 - LEFT) * bar.left / falls;
+                    }
+                    if (1.0 - LEFT) * bar.price < -of_prices * bar.change {
+                        of_prices = (1.0 - LEFT) * bar.price / -bar.change;
+                    }
+                }
             }
             let parts = std::iter::successors(Some(part), |part| Some(SHORTER * part));
             let tried = parts.take_while(|part| *part > SHORTEST).find_map(|part| {
                 let moved = moved(states, &moves, part);
-                self.left(&moved, &bars).map(|left| (part, moved, left))
+                self.left(&moved, bars).map(|left| (part, moved, left))
             });
             let Some((part, moved, left)) = tried else { break };
             *states = moved;
-            for ((bar, left), change) in bars.iter_mut().zip(left).zip(changes) {
+            for (bar, left) in bars.iter_mut().zip(left) {
                 bar.left = left;
-                bar.price += of_prices * change;
+                bar.price += of_prices * bar.change;
             }
             let made = part.min(of_prices);
             less = (1.0 - made).clamp(LESS[0], LESS[1]);
@@ -340,6 +429,21 @@ impl Scene {
             if made > WHOLE && gap < LAST_GAP * length {
                 break;
             }
+        }
+    }
+
+    /// Whether heat costs anything.
+    fn pays(&self) -> bool {
+        self.costs.iter().any(|cost| *cost > 0.0)
+    }
+
+    /// Makes a motor's heat on a step dearer or cheaper, by the greatest mean square of its torque in any window that holds the step.
+    fn charge(&mut self, [step, motor]: [usize; 2], square: f64) {
+        let cost = &mut self.costs[step * self.motors + motor];
+        if *cost > 0.0 {
+            *cost *= square.powf(DEARER);
+        } else if square > 1.0 {
+            *cost = FIRST_COST;
         }
     }
 
@@ -360,9 +464,45 @@ struct Span {
     spline: Progress,
     scene: Scene,
     states: Vec<State>,
+    bars: Vec<Bar>,
 }
 
 impl Span {
+    /// All of a motion, which begin where it goes evenly; `None` where it goes back, or is too long.
+    fn all<P: GeometricPath>(
+        path: &P,
+        bounds: &PlatformBounds,
+        near: &Progress,
+        window_s: f64,
+        joints: &[f64],
+    ) -> Option<Vec<Span>> {
+        // As many as the window asks for, and more where the way itself does.
+        let windows = near.duration_s() / window_s;
+        let [least, most] = IN_A_WINDOW.map(|steps| steps * windows);
+        let asked = (AT_A_JOINT * joints.len() as f64).clamp(least, most);
+        if asked > MOST_STEPS {
+            return None;
+        }
+        let span = |rests_s: &[f64]| {
+            let part = (rests_s[1] - rests_s[0]) / near.duration_s();
+            let steps = ((part * asked) as usize).max(LEAST_STEPS);
+            let spline = near.spline([rests_s[0], rests_s[1]], steps)?;
+            let scene = Scene::new(path, bounds, &spline, joints);
+            let states = vec![[scene.even(), 0.0, 0.0]; steps];
+            Some(Span { spline, scene, states, bars: Vec::new() })
+        };
+        near.rests_s().windows(2).map(span).collect()
+    }
+
+    /// Moves to the least time, from within limits that it exceeds by so much.
+    fn solve(&mut self, most: f64) {
+        // Slower as a whole, so that it is within the limits as they are now.
+        let within = if self.bars.is_empty() { WITHIN } else { WITHIN_AGAIN };
+        let factor = (most * within).powi(-2);
+        self.states.as_flattened_mut().iter_mut().for_each(|part| *part *= factor);
+        self.scene.solve(&mut self.states, &mut self.bars);
+    }
+
     /// Adds its motion to one before it, from a time on; when it ends, s.
     fn push_knots(&self, from_s: f64, knots: &mut Vec<(f64, [f64; 3])>) -> f64 {
         let step_s = self.spline.duration_s() / self.states.len() as f64;
@@ -379,62 +519,68 @@ impl Span {
 
 /// The shortest motion near one whose accelerations change within a window of time; `None` where none is found.
 ///
-/// `near` may exceed limits itself. `paces` tells by how many times longer each piece of a motion must take to keep them.
+/// `near` may exceed limits itself. `look` tells what limits and motors say to a motion.
 pub(super) fn shortest<P: GeometricPath>(
     path: &P,
     bounds: &PlatformBounds,
     near: &Progress,
     window_s: f64,
-    paces: impl Fn(&Progress) -> Vec<f64>,
+    look: impl Fn(&Progress) -> Seen,
 ) -> Option<Progress> {
-    let (joints, rests_s) = (path.breaks(), near.rests_s());
-    // As many as the window asks for, and more where the way itself does.
-    let windows = near.duration_s() / window_s;
-    let [least, most] = IN_A_WINDOW.map(|steps| steps * windows);
-    let asked = (AT_A_JOINT * joints.len() as f64).clamp(least, most);
-    if asked > MOST_STEPS {
-        return None;
-    }
-    let span = |rests_s: &[f64]| {
-        let part = (rests_s[1] - rests_s[0]) / near.duration_s();
-        let steps = ((part * asked) as usize).max(LEAST_STEPS);
-        let spline = near.spline([rests_s[0], rests_s[1]], steps)?;
-        let scene = Scene::new(path, bounds, &spline, &joints);
-        let states = vec![[scene.even(), 0.0, 0.0]; steps];
-        Some(Span { spline, scene, states })
-    };
-    let mut spans = rests_s.windows(2).map(span).collect::<Option<Vec<Span>>>()?;
+    let joints = path.breaks();
     let mut best: Option<Progress> = None;
-    let (mut gap, mut most) = (GAP, 1.0);
-    for _ in 0..ROUNDS {
-        let (mut knots, mut time_s) = (Vec::new(), 0.0);
-        for Span { scene, states, .. } in &mut spans {
-            // Slower as a whole, so that it is within the limits as they are now.
-            let factor = (most * WITHIN).powi(-2);
-            states.as_flattened_mut().iter_mut().for_each(|part| *part *= factor);
-            scene.solve(states, gap);
-        }
-        for span in &spans {
-            time_s = span.push_knots(time_s, &mut knots);
-        }
-        knots.push((time_s, [path.length(), 0.0, 0.0]));
-        let mut found = Progress::through(&knots);
-        let paces = paces(&found);
-        most = paces.iter().copied().fold(1.0, f64::max);
-        found.stretch(most);
-        if best.as_ref().is_none_or(|best| found.duration_s() < best.duration_s()) {
-            best = Some(found);
-        }
-        if most <= 1.0 + NEAR {
-            break;
-        }
-        let mut of_steps = paces.chunks(PARTS).map(|paces| paces.iter().copied().fold(1.0, f64::max));
-        for Span { scene, states, .. } in &mut spans {
-            for (step, pace) in (&mut of_steps).take(states.len()).enumerate() {
-                scene.lower(step, pace);
+    let mut near = near.clone();
+    for search in 1..=SEARCHES {
+        let Some(mut spans) = Span::all(path, bounds, &near, window_s, &joints) else { break };
+        let (mut most, mut round, mut rounds) = (1.0, 1, ROUNDS);
+        loop {
+            let (mut knots, mut time_s) = (Vec::new(), 0.0);
+            for span in &mut spans {
+                span.solve(most);
+                time_s = span.push_knots(time_s, &mut knots);
+            }
+            knots.push((time_s, [path.length(), 0.0, 0.0]));
+            let mut found = Progress::through(&knots);
+            // What is so much shorter is sought near to again: its steps are then even in its own time.
+            let begins_again =
+                round == 1 && search < SEARCHES && found.duration_s() < (1.0 - GAINS) * near.duration_s();
+            if begins_again {
+                near = found.clone();
+            }
+            let seen = look(&found);
+            let hottest = seen.squares.iter().flatten().copied().fold(0.0, f64::max);
+            most = seen.paces.iter().copied().fold(1.0, f64::max);
+            found.stretch(most);
+            let is_cool = hottest <= 1.0 + NEAR;
+            if is_cool && best.as_ref().is_none_or(|best| found.duration_s() < best.duration_s()) {
+                best = Some(found);
+            }
+            if begins_again {
+                break;
+            }
+            // Where heat costs anything, it is as hot as it may be.
+            let is_hot = !is_cool || spans.iter().any(|span| span.scene.pays());
+            if is_hot {
+                rounds = HOT_ROUNDS;
+            }
+            let is_done = most <= 1.0 + NEAR && is_cool && (!is_hot || hottest > 1.0 - HEAT_LEFT);
+            if is_done || round == rounds {
+                return best;
+            }
+            round += 1;
+            let mut first = 0;
+            for Span { scene, states, .. } in &mut spans {
+                for step in 0..states.len() {
+                    let pieces = PARTS * (first + step)..PARTS * (first + step + 1);
+                    let pace = seen.paces[pieces.clone()].iter().copied().fold(1.0, f64::max);
+                    scene.lower(step, pace);
+                    for motor in 0..scene.motors {
+                        scene.charge([step, motor], seen.squares[motor][pieces.start]);
+                    }
+                }
+                first += states.len();
             }
         }
-        gap = GAP_AGAIN;
     }
     best
 }
