@@ -1,6 +1,7 @@
 //! The paced cycle: sleeps until its instant, exchanges, keeps cycle and distributed clocks together, and plans the
 //! next instant. Whoever cycles a segment in time does it by this.
 
+use alloc::boxed::Box;
 use core::sync::atomic::{AtomicBool, Ordering};
 use core::time::Duration;
 
@@ -78,7 +79,7 @@ pub enum ReachError {
         /// Where to.
         goal: Goal,
         /// Who didn't follow, and why.
-        error: TransitionError,
+        error: Box<TransitionError>,
     },
 }
 
@@ -180,7 +181,7 @@ impl<L: Link, C: Clock> PacedBus<L, C> {
             match self.bus.transition() {
                 TransitionStatus::Reached(_) => return Ok(true),
                 TransitionStatus::Failed(error) => {
-                    return Err(ReachError::Transition { goal, error: error.clone() });
+                    return Err(ReachError::Transition { goal, error: Box::new(error.clone()) });
                 }
                 TransitionStatus::Standby => return Ok(false),
                 TransitionStatus::Moving { .. } => {}

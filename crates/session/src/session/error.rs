@@ -179,7 +179,7 @@ impl SessionError {
             SessionError::SetUp(SetUpError::State(error)) => of_change(error),
             SessionError::SetUp(SetUpError::Request { cause, .. }) => of_mailbox(cause),
             SessionError::SetUp(SetUpError::StartUp(error)) => of_start_up(error),
-            SessionError::Reach(ReachError::Transition { goal: Goal::Op, error }) => match error {
+            SessionError::Reach(ReachError::Transition { goal: Goal::Op, error }) => match &**error {
                 TransitionError::StateTimeout { target, .. } => Some(of_state(*target)),
                 TransitionError::Sdo(error) => of_start_up(error),
                 _ => None,
