@@ -229,7 +229,9 @@ impl EsiFile {
             let mut known: Vec<&str> = self.devices.iter().map(|device| device.type_name.as_str()).collect();
             known.dedup();
             match known[..] {
-                [] => "the file has no devices; modules go into a device of another file with --slot".to_owned(),
+                [] => {
+                    "the file has no devices; modules go into a device of another file with --slot".to_owned()
+                }
                 _ => format!("no device of the file is called \"{wanted}\"; it has {}", known.join(", ")),
             }
         })

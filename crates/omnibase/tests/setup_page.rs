@@ -3,16 +3,12 @@
 //! Nothing here depends on how fast the machine is: what must not happen is looked for in the program's own record, and what must
 //! happen is waited for.
 
-#[path = "dashboard/browser.rs"]
-#[allow(dead_code, reason = "the robot's page has more to be tried")]
-mod browser;
-#[path = "setup_page/relay.rs"]
 mod relay;
 #[path = "../../setup/examples/seeds/unknown.rs"]
 #[allow(dead_code, reason = "the set-up's own tests have the other half")]
 mod unknown;
 
-use browser::{Browser, LONGEST};
+use crate::dashboard::browser::{Browser, LONGEST};
 use omnibase_host::Namespace;
 use relay::{Line, Relay};
 use serde_json::Value;

@@ -1,7 +1,7 @@
 //! Paths that are taught in the page, and repeated.
 
-use crate::robot::Robot;
-use crate::{DONE, Stick, browser, cycles_pass, drive, opened, press};
+use super::robot::Robot;
+use super::{DONE, Stick, browser, cycles_pass, drive, opened, press};
 
 #[test]
 fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {

@@ -1,8 +1,8 @@
 //! A robot that will move again by itself is seen and heard.
 
-use crate::browser::Browser;
-use crate::robot::Robot;
-use crate::{browser, cycles_pass, opened};
+use super::browser::Browser;
+use super::robot::Robot;
+use super::{browser, cycles_pass, opened};
 use serde_json::json;
 
 const IS: &str = "document.getElementById('banner-is').textContent";

@@ -1,6 +1,6 @@
 //! A drive of the simulator's process loses its supply while the robot runs in another, and comes back.
 
-use crate::support::{
+use super::support::{
     BothReports, IN_OP, PATIENT, Program, WITH_SYNC0, events, number, repository, undisturbed,
 };
 use omnibase_host::Namespace;

@@ -1,6 +1,6 @@
 //! Two interfaces at the ends of a ring, the simulator behind both: a cable is cut while the robot runs, and mended.
 
-use crate::support::{BothReports, IN_OP, PATIENT, Program, events, repository};
+use super::support::{BothReports, IN_OP, PATIENT, Program, events, repository};
 use omnibase_host::{LinkState, Namespace, interface};
 use std::time::Duration;
 

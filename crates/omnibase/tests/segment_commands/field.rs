@@ -378,7 +378,10 @@ fn doctor_names_what_is_wrong_behind_a_cable() {
     }
     // It speaks CoE as well: that other protocols of its aren't spoken here makes no segment worse.
     let spoken = findings.iter().filter(|one| one["found"].as_str().unwrap().contains("SubDevice 1: speaks"));
-    assert!(spoken.clone().count() == 2 && spoken.clone().all(|one| one["verdict"] == "good"), "{findings:?}");
+    assert!(
+        spoken.clone().count() == 2 && spoken.clone().all(|one| one["verdict"] == "good"),
+        "{findings:?}"
+    );
     let cycle = found("shortest cycle")[0].split_once(" us: 1 frames take ");
     assert!(cycle.is_some_and(|(cycle_us, _)| cycle_us.parse::<u32>().unwrap() > 0), "{findings:?}");
 }
