@@ -13,6 +13,8 @@ use omnibase_host::Namespace;
 use serde_json::{Value, json};
 
 const LONGEST: Duration = Duration::from_secs(60);
+/// Robots of which one must be heard by its bridge all the time.
+const ATTEMPTS: u32 = 5;
 /// For how long the robot believes a command.
 const COMMAND_AGE_MS: u32 = 500;
 
@@ -253,9 +255,17 @@ witnessed!(jazzy: tells commands publishers actions, kilted: tells commands publ
 /// It sees the robot, drives it, and can't make it move wrongly.
 fn witnessed_by(distribution: &str, group: &str) {
     let Some((_, python)) = pythons().into_iter().find(|(name, _)| *name == distribution) else { return };
-    let robot = Robot::start(&["--pose-source", "mocap"]);
-    let status = robot.witness(&python, &[group]).0.wait().unwrap();
-    assert!(status.success(), "{distribution}, {group}; said:\n{}", robot.said());
+    for _ in 0..ATTEMPTS {
+        let robot = Robot::start(&["--pose-source", "mocap"]);
+        let status = robot.witness(&python, &[group]).0.wait().unwrap();
+        if status.success() {
+            return;
+        }
+        // Bridges that lost a robot whom the machine gave no time, and what was asked of them, show nothing.
+        let said = robot.said();
+        assert!(said.contains("the robot is silent"), "{distribution}, {group}; said:\n{said}");
+    }
+    panic!("{distribution}, {group}: this machine let none of {ATTEMPTS} robots talk to its bridge");
 }
 
 #[test]

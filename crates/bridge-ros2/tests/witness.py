@@ -374,8 +374,12 @@ def two_robots_in_one_graph(w):
         w.node.create_subscription(TFMessage, topic, lambda message, heard=heard: heard.extend(message.transforms), 10)
     w.node.create_subscription(Clock, "/clock", lambda message: clock.append(message.clock), 10)
     w.until("both", lambda: clock and all(odom.values()) and all(transforms.values()))
-    names = {namespace + "/" + name for name, namespace in w.node.get_node_names_and_namespaces()}
-    assert {"/one/omnibase", "/two/omnibase"} <= names, names
+
+    def names():
+        return {namespace + "/" + name for name, namespace in w.node.get_node_names_and_namespaces()}
+
+    # Who is there is told beside what they say.
+    w.until("both are known by name", lambda: {"/one/omnibase", "/two/omnibase"} <= names())
     for name, heard in odom.items():
         assert (heard[0].header.frame_id, heard[0].child_frame_id) == (f"{name}/odom", f"{name}/base_link"), heard[0]
         assert w.call(Trigger, f"/{name}/enable").success, name
