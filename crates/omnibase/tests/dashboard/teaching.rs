@@ -29,7 +29,7 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
     }
     page.picture("phone-driving");
     page.mouse("mouseReleased", stick);
-    robot.wait("it rests", |robot| robot.read("now")["phase"] == "holding");
+    robot.wait("it rests", |robot| robot.read("now")["phase"] == "holding" && robot.speed_m_s() < 1e-3);
     let end_m = robot.value("state/pose_x_m");
     page.click("#teach");
     page.wait("document.getElementById('said').textContent.startsWith('taught')");
