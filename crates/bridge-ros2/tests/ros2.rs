@@ -13,6 +13,8 @@ use omnibase_host::Namespace;
 use serde_json::{Value, json};
 
 const LONGEST: Duration = Duration::from_secs(60);
+/// Robots of which one must be heard by its bridge all the time.
+const ATTEMPTS: u32 = 5;
 /// For how long the robot believes a command.
 const COMMAND_AGE_MS: u32 = 500;
 
@@ -236,21 +238,34 @@ fn signal(name: &str, pid: u32) {
     assert!(Command::new("kill").args([name, &pid.to_string()]).status().unwrap().success());
 }
 
-#[test]
-fn jazzy_sees_it_drives_it_and_cannot_make_it_move_wrongly() {
-    witnessed_by("jazzy");
+/// A test for each group of the witness's checks, in either distribution.
+macro_rules! witnessed {
+    ($($distribution:ident: $($group:ident)*),*) => {$(
+        mod $distribution {
+            $(#[test]
+            fn $group() {
+                super::witnessed_by(stringify!($distribution), stringify!($group));
+            })*
+        }
+    )*};
 }
 
-#[test]
-fn kilted_sees_it_drives_it_and_cannot_make_it_move_wrongly() {
-    witnessed_by("kilted");
-}
+witnessed!(jazzy: tells commands publishers actions, kilted: tells commands publishers actions);
 
-fn witnessed_by(distribution: &str) {
+/// It sees the robot, drives it, and can't make it move wrongly.
+fn witnessed_by(distribution: &str, group: &str) {
     let Some((_, python)) = pythons().into_iter().find(|(name, _)| *name == distribution) else { return };
-    let robot = Robot::start(&["--pose-source", "mocap"]);
-    let status = robot.witness(&python, &[]).0.wait().unwrap();
-    assert!(status.success(), "{distribution}; said:\n{}", robot.said());
+    for _ in 0..ATTEMPTS {
+        let robot = Robot::start(&["--pose-source", "mocap"]);
+        let status = robot.witness(&python, &[group]).0.wait().unwrap();
+        if status.success() {
+            return;
+        }
+        // Bridges that lost a robot whom the machine gave no time, and what was asked of them, show nothing.
+        let said = robot.said();
+        assert!(said.contains("the robot is silent"), "{distribution}, {group}; said:\n{said}");
+    }
+    panic!("{distribution}, {group}: this machine let none of {ATTEMPTS} robots talk to its bridge");
 }
 
 #[test]

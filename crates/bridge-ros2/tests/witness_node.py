@@ -47,11 +47,14 @@ class Witness:
         self.joints = []
         self.odom_subscription = self.node.create_subscription(Odometry, "odom", self.odom.append, 1000)
         self.node.create_subscription(JointState, "joint_states", self.joints.append, 1000)
+        self.phase = None
         # Publishers of cmd_vel that are there, and that the bridge says it knows.
         self.publishers, self.known_publishers = 0, None
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self.diagnosed, 10)
 
     def diagnosed(self, message):
+        (state,) = [status for status in message.status if status.name.endswith(": state")]
+        self.phase = state.message
         (bridge,) = [status for status in message.status if status.name.endswith(": bridge")]
         (count,) = [one.value for one in bridge.values if one.key == "cmd_vel_publishers"]
         self.known_publishers = int(count)
@@ -118,6 +121,9 @@ class Witness:
         """Enabled, and at rest."""
         self.until("odom", lambda: len(self.odom) > 0 and len(self.joints) > 0)
         answer = self.call(Trigger, "enable")
+        # What was told before it was asked is of no use.
+        self.phase = None
+        self.until("its drives are enabled", lambda: self.phase not in (None, "disabled", "enabling"))
         self.rests()
         return answer
 

@@ -1,7 +1,5 @@
 //! Which robot a command reaches where several run, or ran, on this machine.
 
-mod joystick_recording;
-
 use std::io::{BufRead, BufReader, ErrorKind, Read};
 use std::net::{SocketAddr, TcpListener};
 use std::os::fd::AsFd;
@@ -217,7 +215,7 @@ fn is_socket(path: &PathBuf) -> bool {
 
 /// A simulated robot that a stick leads, without a page; `first` is done before by a process of the same number.
 fn start_without_page(runtime: &Path, first: &str) -> WithoutPage {
-    let stick = joystick_recording::recording(runtime, &[(100, 1, 130)]);
+    let stick = crate::joystick_recording::recording(runtime, &[(100, 1, 130)]);
     let robot = Command::new("sh")
         .args(["-c", &format!("{first} exec \"$0\" \"$@\"")])
         .args([env!("CARGO_BIN_EXE_omnibase"), "run", ROBOT, "--json", "--joystick"])

@@ -1,8 +1,6 @@
 //! `omnibase calibrate` as a user runs it.
 
-mod command_line;
-
-use command_line::{Folder, omnibase, words};
+use crate::command_line::{Folder, omnibase, words};
 use serde_json::Value;
 
 const BMM: &str = "robots/bmm.toml";
@@ -66,7 +64,7 @@ fn a_recording_with_its_truth_says_what_the_robot_is_like() {
 fn what_was_found_of_sensors_stands_in_their_tables_afterwards() {
     let folder = Folder::new("calibrate-sensors");
     let (robot, kept, new) = (folder.path("robot.toml"), folder.path("kept"), folder.path("found.toml"));
-    let text = std::fs::read_to_string(command_line::root().join("robots/bmm_tracked.toml")).unwrap();
+    let text = std::fs::read_to_string(crate::command_line::root().join("robots/bmm_tracked.toml")).unwrap();
     let elsewhere = "jitter_ms = 3.0\nposition_error_m = [0.004, -0.003]\nheading_error_rad = 0.02\n";
     std::fs::write(&robot, text.replace("jitter_ms = 3.0", elsewhere)).unwrap();
     let by = ["--truth", "source:tracker", "--gyro", "imu.turn"];
@@ -115,7 +113,7 @@ fn figures_are_shown_before_anything_turns_and_kept_inside_the_fence() {
     assert!(shown.contains("not observed") && shown.lines().count() >= 9, "{shown}");
     let folder = Folder::new("calibrate-fence");
     let path = folder.path("fenced.toml");
-    let text = std::fs::read_to_string(command_line::root().join(BMM)).unwrap();
+    let text = std::fs::read_to_string(crate::command_line::root().join(BMM)).unwrap();
     let fence = "\n[fence]\npolygon_m = [[-2, -2], [2, -2], [2, 2], [-2, 2]]\nmargin_m = 0.1\n";
     std::fs::write(&path, text + fence).unwrap();
     let shown = said(&["calibrate", &path, "--truth", "simulator", "--show"]);

@@ -1,8 +1,6 @@
 //! What `omnibase export` writes is read by pandas, pyarrow and scipy.io, with every bit of the recording.
 
-mod python_tools;
-
-use python_tools::{python, successful};
+use crate::python_tools::{python, successful};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 

@@ -1,8 +1,6 @@
 //! The joystick as a user meets it, by recorded events: no device is needed.
 
-mod joystick_recording;
-
-use joystick_recording::recording;
+use crate::joystick_recording::recording;
 use serde_json::Value;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Output, Stdio};

@@ -1,8 +1,6 @@
 //! `omnibase learn` as a user runs it.
 
-mod command_line;
-
-use command_line::{Folder, omnibase, words};
+use crate::command_line::{Folder, omnibase, words};
 use serde_json::Value;
 
 const TRACKED: &str = "robots/bmm_tracked.toml";

@@ -4,10 +4,9 @@
 #[path = "../../receive/tests/receivers/motive.rs"]
 #[expect(dead_code, reason = "its talk is heard in the tests of omnibase-receive")]
 mod motive;
-mod python_tools;
 
+use crate::python_tools::{python, successful};
 use omnibase_receive::natnet::{Frame, Version, body_names};
-use python_tools::{python, successful};
 use std::io::{BufRead, BufReader};
 use std::path::Path;
 use std::process::{Command, Stdio};

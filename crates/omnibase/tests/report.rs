@@ -1,8 +1,6 @@
 //! `omnibase report` and `omnibase run --report` as a user runs them.
 
-mod command_line;
-
-use command_line::{Folder, omnibase, root, words};
+use crate::command_line::{Folder, omnibase, root, words};
 use std::io::Write;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};

@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use crate::robot::Robot;
-use crate::{HIT, browser, opened, press, until};
+use super::robot::Robot;
+use super::{HIT, browser, opened, press, until};
 
 const WITH_LIFT: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm_lift.toml");
 

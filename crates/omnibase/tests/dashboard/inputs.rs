@@ -2,8 +2,8 @@
 
 use serde_json::json;
 
-use crate::robot::Robot;
-use crate::{browser, opened, press};
+use super::robot::Robot;
+use super::{browser, opened, press};
 
 const WITH_TERMINALS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm_io.toml");
 

@@ -1,7 +1,7 @@
 //! The SubDevices' own objects, browsed on the page while the robot runs.
 
-use crate::robot::Robot;
-use crate::{browser, opened};
+use super::robot::Robot;
+use super::{browser, opened};
 
 #[test]
 fn objects_are_browsed_with_names_types_and_values() {

@@ -1,9 +1,9 @@
 //! What is old on the page is grey, and begins nothing.
 
-use crate::browser::{Browser, LONGEST};
-use crate::line::{Line, LineMode};
-use crate::robot::{Robot, TOKEN};
-use crate::{HIT, Stick, browser, cycles_pass, drive, mend, opened, press};
+use super::browser::{Browser, LONGEST};
+use super::line::{Line, LineMode};
+use super::robot::{Robot, TOKEN};
+use super::{HIT, Stick, browser, cycles_pass, drive, mend, opened, press};
 use serde_json::json;
 use std::time::{Duration, Instant};
 

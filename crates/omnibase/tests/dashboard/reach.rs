@@ -2,9 +2,9 @@
 
 use serde_json::json;
 
-use crate::browser::Browser;
-use crate::robot::Robot;
-use crate::{HIT, browser, opened, press, until};
+use super::browser::Browser;
+use super::robot::Robot;
+use super::{HIT, browser, opened, press, until};
 
 const BMM: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/bmm.toml");
 const HOLDS: &str = "document.getElementById('phase').textContent === 'holding'";

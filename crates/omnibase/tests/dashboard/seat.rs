@@ -9,8 +9,8 @@ use omnibase_client::robots::{Endpoint, Found};
 use omnibase_client::{Error, Frame, Row, Seat, States, Wanted};
 use serde_json::json;
 
-use crate::cycles_pass;
-use crate::robot::{Robot, TOKEN};
+use super::cycles_pass;
+use super::robot::{Robot, TOKEN};
 
 const LONGEST: Duration = Duration::from_secs(60);
 /// A stick's age that a busy machine keeps.

@@ -2,9 +2,9 @@
 
 use serde_json::{Value, json};
 
-use crate::browser::Browser;
-use crate::robot::Robot;
-use crate::{HIT, browser, opened, until};
+use super::browser::Browser;
+use super::robot::Robot;
+use super::{HIT, browser, opened, until};
 
 const FENCE: &str = "fence.rectangle_m=[-1.2, -1.2, 1.6, 1.2]";
 

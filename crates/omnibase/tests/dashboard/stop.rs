@@ -1,9 +1,9 @@
 //! STOP on the page: where it is, and what it says, whatever else happens.
 
-use crate::browser::Browser;
-use crate::line::{Line, LineMode};
-use crate::robot::{Robot, TOKEN};
-use crate::{browser, cycles_pass, opened, press};
+use super::browser::Browser;
+use super::line::{Line, LineMode};
+use super::robot::{Robot, TOKEN};
+use super::{browser, cycles_pass, opened, press};
 use serde_json::{Value, json};
 
 /// Windows: a desk, a phone across, a phone, a small phone.

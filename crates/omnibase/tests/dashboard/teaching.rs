@@ -1,7 +1,7 @@
 //! Paths that are taught in the page, and repeated.
 
-use crate::robot::Robot;
-use crate::{DONE, Stick, browser, cycles_pass, drive, opened, press};
+use super::robot::Robot;
+use super::{DONE, Stick, browser, cycles_pass, drive, opened, press};
 
 #[test]
 fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
@@ -11,8 +11,7 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
     opened(&mut page);
     press(&mut page, "[data-do=enable]", "document.getElementById('phase').textContent === 'holding'");
     page.picture("phone");
-    page.click("#teach");
-    page.wait("document.getElementById('teach').textContent.startsWith('End')");
+    press(&mut page, "#teach", "document.getElementById('teach').textContent.startsWith('End')");
     let stick = page.middle("#stick");
     let held = Stick {
         hold: &|page| {
@@ -29,10 +28,9 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
     }
     page.picture("phone-driving");
     page.mouse("mouseReleased", stick);
-    robot.wait("it rests", |robot| robot.read("now")["phase"] == "holding");
+    robot.wait("it rests", |robot| robot.read("now")["phase"] == "holding" && robot.speed_m_s() < 1e-3);
     let end_m = robot.value("state/pose_x_m");
-    page.click("#teach");
-    page.wait("document.getElementById('said').textContent.startsWith('taught')");
+    press(&mut page, "#teach", "document.getElementById('said').textContent.startsWith('taught')");
     // Away from its start the path is refused, with a word.
     press(
         &mut page,
@@ -53,8 +51,7 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
     );
     // Single points: here, and back where it began.
     page.value("void (document.getElementById('teach-by').value = 'points')");
-    page.click("#teach");
-    page.wait("!document.getElementById('teach-point').hidden");
+    press(&mut page, "#teach", "!document.getElementById('teach-point').hidden");
     press(
         &mut page,
         "#teach-point",
@@ -70,8 +67,7 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
         "#teach-point",
         "document.getElementById('teach').textContent === 'End and save (2 points)'",
     );
-    page.click("#teach");
-    page.wait("document.getElementById('said').textContent.startsWith('taught 2 points')");
+    press(&mut page, "#teach", "document.getElementById('said').textContent.startsWith('taught 2 points')");
     page.wait("document.getElementById('teach-point').hidden");
     robot.end();
 }

@@ -2,7 +2,7 @@
 
 use serde_json::{Value, json};
 
-use crate::robot::Robot;
+use super::robot::Robot;
 
 /// A wall from below to y = 0.4 m; the footprint stands at the origin, left of it.
 const WALL: &str = "map.blocked_m=[[[1.3,-4.0],[1.5,-4.0],[1.5,0.4],[1.3,0.4]]]";

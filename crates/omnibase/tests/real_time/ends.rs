@@ -1,6 +1,6 @@
 //! Ctrl-C, SIGTERM, a second signal, and a disk that is full.
 
-use crate::support::{PATIENT, Program, Scratch, events, left_op_in_order, number, repository};
+use super::support::{PATIENT, Program, Scratch, events, left_op_in_order, number, repository};
 use omnibase_host::Namespace;
 use std::process::Command;
 

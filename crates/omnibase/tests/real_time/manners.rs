@@ -1,6 +1,6 @@
 //! Whoever comes second at an interface is told so, and a link that is down ends nothing.
 
-use crate::support::{PATIENT, Program, Scratch, repository};
+use super::support::{PATIENT, Program, Scratch, repository};
 use omnibase_ethercat_wire::frame::FrameBuilder;
 use omnibase_ethercat_wire::{Address, Command as Datagram, Link};
 use omnibase_host::{Namespace, PacketSocket};

@@ -1,7 +1,7 @@
 //! A crate that `omnibase new` made, outside the workspace: its stages go wherever the program goes.
 
+use super::support::{Ended, PATIENT, Program, number, repository};
 use crate::joystick_recording::recording;
-use crate::support::{Ended, PATIENT, Program, number, repository};
 use omnibase_host::Namespace;
 use std::fs;
 use std::path::{Path, PathBuf};

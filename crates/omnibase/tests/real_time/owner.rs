@@ -1,6 +1,6 @@
 //! A run that follows its plan, without a page: its own user sees it, changes it and stops it, by a socket of that user alone.
 
-use crate::support::{PATIENT, Program, events, repository};
+use super::support::{PATIENT, Program, events, repository};
 use omnibase_host::Namespace;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::process::Command;

@@ -1,6 +1,6 @@
 //! Parts of the bus that aren't in every frame or at every start: slow devices and hot-connect groups, over a cable.
 
-use crate::support::{Ended, PATIENT, Program, Scratch, events, repository};
+use super::support::{Ended, PATIENT, Program, Scratch, events, repository};
 use omnibase_host::Namespace;
 use std::fs;
 

@@ -1,6 +1,6 @@
 //! A drive of the simulator's process loses its supply while the robot runs in another, and comes back.
 
-use crate::support::{
+use super::support::{
     BothReports, IN_OP, PATIENT, Program, WITH_SYNC0, events, number, repository, undisturbed,
 };
 use omnibase_host::Namespace;
@@ -18,11 +18,17 @@ const ABSOLUTE: &str = "drive_defaults.encoder=\"absolute\"";
 fn power_cycled(after_lost_device: &str, more: &[&str]) -> BothReports {
     let robot = repository("robots/bmm.toml");
     let policy = format!("safety.after_lost_device=\"{after_lost_device}\"");
-    let mut simulator = Program::simulate(&[&robot, "--fault", "power-cycle@2:3:0.5", "--set", ABSOLUTE]);
     let circle = ["--set", &policy, "--circle", "radius_m=0.3,duration_s=8", "--set", ABSOLUTE];
-    let run = Program::run(&[&[robot.as_str()], &circle[..], more].concat());
-    simulator.wait_for("fault: power-cycle@2");
-    BothReports::of(run, simulator)
+    for after_s in [3, 5, 7] {
+        let fault = format!("power-cycle@2:{after_s}:0.5");
+        let mut simulator = Program::simulate(&[&robot, "--fault", &fault, "--set", ABSOLUTE]);
+        let mut run = Program::run(&[&[robot.as_str()], &circle[..], more].concat());
+        if simulator.moves_before("fault: power-cycle@2", &mut run) {
+            simulator.wait_for("fault: power-cycle@2");
+            return BothReports::of(run, simulator);
+        }
+    }
+    panic!("this machine moved no robot within 7 s");
 }
 
 /// The way back as the simulator saw it: in how many s, for a drive that lost its supply once.

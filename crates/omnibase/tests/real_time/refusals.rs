@@ -1,6 +1,6 @@
 //! What `omnibase run` says where it can't run.
 
-use crate::support::{PATIENT, Program, Scratch, repository};
+use super::support::{PATIENT, Program, Scratch, repository};
 use omnibase_host::Namespace;
 use std::process::Command;
 

@@ -1,6 +1,6 @@
 //! The same run in virtual time and in real time.
 
-use crate::support::{PATIENT, Program, number, repository};
+use super::support::{PATIENT, Program, number, repository};
 use omnibase_host::Namespace;
 use serde_json::Value;
 

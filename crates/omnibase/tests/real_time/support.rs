@@ -133,6 +133,15 @@ impl Program {
         }
     }
 
+    /// Of a simulator: whether the robot of `run` moves before a fault with these words, which comes by the simulator's own
+    /// clock. A robot that the machine gave no time to start before it shows nothing of the fault.
+    pub fn moves_before(&mut self, fault: &str, run: &mut Program) -> bool {
+        let moves = self.wait_for_while_runs("the robot moves", run);
+        let is_early = self.said.iter().any(|line| line.contains(fault));
+        assert!(moves || is_early, "it never moved: {:?}", run.lines.try_iter().collect::<Vec<_>>());
+        !is_early
+    }
+
     /// Whether it has ended.
     pub fn has_ended(&mut self) -> bool {
         self.child.try_wait().unwrap().is_some()

@@ -1,6 +1,6 @@
 //! The program itself under `strace`: what its thread of the cycle asks the kernel for while the robot follows its path.
 
-use crate::support::{PATIENT, Program, Scratch, repository};
+use super::support::{PATIENT, Program, Scratch, repository};
 use omnibase_host::Namespace;
 use std::collections::BTreeMap;
 use std::process::{Command, Stdio};

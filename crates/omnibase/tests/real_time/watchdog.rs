@@ -1,6 +1,6 @@
 //! The program is killed: the drives stop by themselves.
 
-use crate::support::{ATTEMPTS, PATIENT, Program, WITH_SYNC0, events, is_late, number, repository};
+use super::support::{ATTEMPTS, PATIENT, Program, WITH_SYNC0, events, is_late, number, repository};
 use omnibase_host::Namespace;
 use serde_json::Value;
 

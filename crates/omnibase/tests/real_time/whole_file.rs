@@ -1,7 +1,7 @@
 //! A robot's file alone: interface, page, joystick and recording come up as it says, with no option given.
 
+use super::support::{Program, events, repository};
 use crate::joystick_recording::recording;
-use crate::support::{Program, events, repository};
 use omnibase_host::Namespace;
 use std::fs;
 use std::io::{Read, Write};

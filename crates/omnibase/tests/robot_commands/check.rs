@@ -1,6 +1,6 @@
 //! `omnibase check`: what it says of sound files and of mistakes.
 
-use crate::{Folder, bmm, json, omnibase, prints, refused, root};
+use super::{Folder, bmm, json, omnibase, prints, refused, root};
 use serde_json::Value;
 
 #[test]

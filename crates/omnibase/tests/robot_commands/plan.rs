@@ -1,6 +1,6 @@
 //! `omnibase plan`: a way through a room, driven, and why there is none.
 
-use crate::{Folder, json, omnibase, prints, refused, words};
+use super::{Folder, json, omnibase, prints, refused, words};
 
 const OFFICE: [&str; 4] = ["plan", "robots/bmm.toml", "--map", "robots/maps/office.yaml"];
 

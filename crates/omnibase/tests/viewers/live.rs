@@ -5,8 +5,8 @@ use std::process::{Child, Command, Stdio};
 
 use serde_json::{Value, json};
 
+use super::{python, read};
 use crate::command_line::{Folder, root};
-use crate::{python, read};
 
 /// A simulated robot that drives on a circle without end, with its page and its server for viewers.
 struct Robot {

@@ -2,8 +2,8 @@
 
 use std::process::Command;
 
+use super::{prints, python};
 use crate::command_line::{Folder, root, words};
-use crate::{prints, python};
 
 #[test]
 fn rerun_reads_a_run_with_its_scene_drawn_by_the_script_that_is_shipped() {

@@ -1,10 +1,8 @@
 //! A running robot's page, as a person uses it: in headless Chromium, and as those try who shouldn't.
 
 mod axes;
-mod browser;
+pub mod browser;
 mod inputs;
-#[path = "../joystick_recording/mod.rs"]
-mod joystick_recording;
 mod line;
 mod objects;
 mod old;
@@ -19,8 +17,8 @@ mod teaching;
 mod warning;
 mod ways;
 
+use crate::joystick_recording::recording;
 use browser::{Browser, LONGEST};
-use joystick_recording::recording;
 use robot::{Robot, TOKEN};
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};

@@ -1,13 +1,11 @@
 //! `omnibase run`, `check`, `kinematics` and `replay` as a user runs them, on virtual time.
 
 mod check;
-#[path = "../command_line/mod.rs"]
-mod command_line;
 mod estimate;
 mod found;
 mod plan;
 
-use command_line::{Folder, omnibase, root, words};
+use crate::command_line::{Folder, omnibase, root, words};
 use serde_json::Value;
 use std::process::{Command, Stdio};
 

@@ -4,8 +4,6 @@
 //! is measured is measured by the simulator, in the segment's own time.
 
 mod ends;
-#[path = "../joystick_recording/mod.rs"]
-mod joystick_recording;
 mod manners;
 mod own_crate;
 mod owner;

@@ -1,11 +1,9 @@
 //! What other people's programs see of a robot and of its recordings: yourdfpy, pinocchio and MuJoCo read URDF and MJCF.
 
-#[path = "../command_line/mod.rs"]
-mod command_line;
 mod live;
 mod rerun;
 
-use command_line::{Folder, omnibase, root, words};
+use crate::command_line::{Folder, omnibase, root, words};
 use serde_json::Value;
 use std::path::{Path, PathBuf};
 use std::process::Command;
