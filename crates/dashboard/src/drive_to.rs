@@ -62,6 +62,8 @@ struct Drive {
     replans: u32,
     /// The number of the reference that was loaded for it.
     number: u32,
+    /// That of the one before, on which the robot is until it goes over, and stays where it can't.
+    before: u32,
     stage: Stage,
     since: Instant,
 }
@@ -182,6 +184,7 @@ impl DriveTo {
             best: best.unwrap_or(about.room.way),
             replans: 0,
             number: snapshot.reference,
+            before: snapshot.reference,
             stage: Stage::Blocked { tried: None },
             since: Instant::now(),
         };
@@ -291,8 +294,9 @@ impl DriveTo {
                 let is_due = tried.is_none_or(|tried| tried.elapsed() >= AGAIN);
                 // Whoever leads it elsewhere, or loads something else, has it.
                 let is_led = snapshot.phase == Phase::Tracking && !follows(&snapshot);
+                let is_own = [drive.number, drive.before].contains(&snapshot.reference);
                 match snapshot.phase {
-                    _ if is_led || snapshot.reference != drive.number => {
+                    _ if is_led || !is_own => {
                         self.end(live, &drive, Err("something else was asked of the robot"));
                         None
                     }
@@ -416,7 +420,7 @@ impl Drive {
             return Err("whoever asked for it waits no more".to_owned());
         }
         let (number, _) = live.load(self.asker, timed.table.clone(), fresh).ok_or(FULL)?;
-        self.number = number;
+        (self.before, self.number) = (snapshot.reference, number);
         let ticket = drives.track(live, self)?;
         self.stage = Stage::Driving {
             poses: timed.plan.poses,
