@@ -469,6 +469,7 @@ fn a_connection_that_is_late_moves_nothing() {
     page.picture("setup-late");
     assert_eq!(seen(&mut page)["enabled"], false);
     page.mouse("mouseReleased", place);
+    until(&mut page, "it asks what to do without a motion", |seen| !seen["asked"].is_null());
     page.click("#leave");
     until(&mut page, "it is left", |seen| !seen["over"].is_null());
     assert_eq!(process.0.wait().unwrap().code(), Some(1));
