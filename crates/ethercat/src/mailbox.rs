@@ -390,7 +390,7 @@ impl Mailbox {
     fn lost(&mut self, now: HostTime) {
         let (before, since) = self.silence.unwrap_or((0, now));
         self.silence = Some((before + 1, since));
-        if before >= LOST_FRAMES && now - since >= SILENCE {
+        if before + 1 >= LOST_FRAMES && now - since >= SILENCE {
             match self.task {
                 Task::Run { .. } => {
                     return self.fail(MailboxError::Unheard { after: now - since }, None, now);

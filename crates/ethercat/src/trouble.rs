@@ -270,7 +270,7 @@ const NOT_SPOKEN: [(u16, &str, &str); 3] = [
     (
         sii::PROTOCOL_SOE,
         "SoE (Sercos drive profile)",
-        "choose CoE (CiA 402) as its profile where the drive offers that; without it can be cycled by its SII's PDOs, but no \
+        "choose CoE (CiA 402) as its profile where the drive offers that; without CoE it can be cycled by its SII's PDOs, but no \
          parameter can be written",
     ),
     (sii::PROTOCOL_AOE, "AoE", "devices behind it (a gateway's) can't be asked"),

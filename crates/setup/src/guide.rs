@@ -14,7 +14,7 @@ use std::time::Duration;
 
 use omnibase_ethercat::wire::{Clock, Link, LinkError};
 use omnibase_robot::Registry;
-use omnibase_robot::config::{DrivePlan, DriveScale, RobotPlan, SpeedUnit};
+use omnibase_robot::config::{DrivePlan, DriveScale, Identity, RobotPlan, SpeedUnit};
 
 use crate::hand::{Answer, Hand, Question};
 use crate::record::{FoundDrive, Record, Step};
@@ -349,8 +349,13 @@ impl<'a, C: Clock> Guide<'a, C> {
 
 /// Whether the file means this product, as far as it names one.
 pub(crate) fn is_product(plan: &DrivePlan, drive: &FoundDrive) -> bool {
-    let is = |wanted: Option<u32>, found: u32| wanted.is_none_or(|wanted| wanted == found);
-    is(plan.identity.vendor_id, drive.vendor_id) && is(plan.identity.product_code, drive.product_code)
+    is_identity(&plan.identity, drive.vendor_id, drive.product_code)
+}
+
+/// Whether the file's vendor and product, as far as it has them, are these.
+fn is_identity(wanted: &Identity, vendor_id: u32, product_code: u32) -> bool {
+    wanted.vendor_id.is_none_or(|wanted| wanted == vendor_id)
+        && wanted.product_code.is_none_or(|wanted| wanted == product_code)
 }
 
 fn expected_counts(scale: &DriveScale, drive: &FoundDrive) -> f64 {

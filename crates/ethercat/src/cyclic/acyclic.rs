@@ -185,11 +185,8 @@ impl Acyclic {
     pub fn end_writing(&mut self) {
         for lane in &mut self.lanes {
             let Some(writer) = lane.writer.as_mut().filter(|writer| writer.is_due()) else { continue };
-            let is_writing = writer.is_writing();
-            let mailbox = writer.end();
-            if is_writing {
-                lane.mailbox = mailbox;
-            }
+            // One that only waits has no mailbox to give back.
+            lane.mailbox = writer.end().or(lane.mailbox.take());
         }
     }
 

@@ -447,7 +447,7 @@ impl Transition {
         self.fail(error, view.now)
     }
 
-    /// Each SubDevice's mailbox is a way of its own: all write side by side, until the last is done or one fails.
+    /// Until the last SubDevice's are written, or one fails; whoever asks for another state meanwhile ends it.
     fn write_sdos(&mut self, view: &mut View<'_>) -> Option<Progress> {
         if !self.loaded {
             view.acyclic.begin_writing();

@@ -4,9 +4,9 @@ use omnibase_ethercat::config::SubDeviceConfig;
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_robot::RobotPlan;
-use omnibase_robot::config::BusPlace;
+use omnibase_robot::config::{BusPlace, DevicePlan};
 
-use super::is_product;
+use super::{is_identity, is_product};
 use crate::record::FoundDrive;
 
 /// What a jog writes over in a drive of its own: max torque, mode, how it is synchronised.
@@ -46,13 +46,10 @@ impl AtStart {
             BusPlace::Alias(alias) => found.alias == Some(alias),
             BusPlace::Identification(number) => found.identification == Some(number),
         };
-        let is = |wanted: Option<u32>, found: u32| wanted.is_none_or(|wanted| wanted == found);
-        let identity = &found.identity;
-        let device = plan.devices.iter().find(|one| {
-            is_it(one.place)
-                && is(one.identity.vendor_id, identity.vendor_id)
-                && is(one.identity.product_code, identity.product_code)
-        });
+        let (vendor_id, product_code) = (found.identity.vendor_id, found.identity.product_code);
+        let is_there =
+            |one: &&DevicePlan| is_it(one.place) && is_identity(&one.identity, vendor_id, product_code);
+        let device = plan.devices.iter().find(is_there);
         device.map_or_else(AtStart::default, |one| one.subdevice_config(&plan.bus).into())
     }
 
