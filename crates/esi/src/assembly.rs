@@ -347,7 +347,7 @@ impl<'a> Assembly<'a> {
         doubts
     }
 
-    /// SyncManagers whose default process data reach into the area of another.
+    /// SyncManagers whose mailbox or default process data reach into the area of another.
     fn no_room(&self) -> Vec<Doubt> {
         let managers = &self.device.sync_managers;
         let mut pdos = self.default_pdos(true).0;
@@ -355,13 +355,20 @@ impl<'a> Assembly<'a> {
         let beyond = |(number, manager): (u8, &SyncManager)| {
             let (start, control) = (manager.start?, manager.control?);
             let own = pdos.iter().filter(|pdo| pdo.sync_manager == Some(number));
-            let bytes = own.map(Pdo::bits).sum::<u32>().div_ceil(8);
+            let is_mailbox = matches!(manager.usage, SmUse::MailboxOut | SmUse::MailboxIn);
+            let bytes = match is_mailbox {
+                true => u32::from(manager.default_size?),
+                false => own.map(Pdo::bits).sum::<u32>().div_ceil(8),
+            };
             // Buffered mode has three (ETG.1000.4, SyncManager's control).
             let buffers = if control & 3 == 0 { 3 } else { 1 };
-            let others = managers.iter().filter(|other| !other.is_virtual && !manager.is_virtual);
-            let next = others.filter_map(|other| other.start).filter(|next| *next > start).min()?;
+            // Of two that begin at the same place the first is told.
+            let others = (0..).zip(managers).filter(|(_, other)| !other.is_virtual && !manager.is_virtual);
+            let next = others.filter_map(|(at, other)| Some((other.start?, at)));
+            let (next, _) = next.filter(|next| *next > (start, number)).min()?;
             let is_beyond = u32::from(start) + buffers * bytes > u32::from(next);
-            is_beyond.then_some(Doubt::NoRoom { sync_manager: number, bytes, buffers, start, next })
+            let doubt = Doubt::NoRoom { sync_manager: number, is_mailbox, bytes, buffers, start, next };
+            is_beyond.then_some(doubt)
         };
         (0..).zip(managers).filter_map(beyond).collect()
     }

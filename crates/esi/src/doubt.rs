@@ -85,10 +85,12 @@ pub enum Doubt {
         /// Bytes of the content.
         needs: usize,
     },
-    /// The process data of a SyncManager take more memory than there is before the next one's.
+    /// The mailbox or process data of a SyncManager take more memory than there is before the next one's.
     NoRoom {
         /// The SyncManager.
         sync_manager: u8,
+        /// Whether it is a mailbox.
+        is_mailbox: bool,
         /// Its bytes.
         bytes: u32,
         /// How often the chip keeps them.
@@ -166,7 +168,11 @@ impl fmt::Display for Doubt {
                 f,
                 "its file says that the EEPROM has {says} bytes, and what belongs into it takes {needs}: it doesn't fit"
             ),
-            Doubt::NoRoom { sync_manager, bytes, buffers, start, next } => write!(
+            Doubt::NoRoom { sync_manager, is_mailbox: true, bytes, start, next, .. } => write!(
+                f,
+                "the mailbox of SyncManager {sync_manager} has {bytes} bytes from 0x{start:04X} on, but the area of another begins at 0x{next:04X}: the device will refuse that; look for a newer file of its maker"
+            ),
+            Doubt::NoRoom { sync_manager, is_mailbox: false, bytes, buffers, start, next } => write!(
                 f,
                 "SyncManager {sync_manager} has {bytes} bytes and keeps them {buffers} times from 0x{start:04X} on, but the area of another begins at 0x{next:04X}: the device will refuse that; take fewer modules or PDOs"
             ),

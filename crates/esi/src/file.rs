@@ -147,6 +147,9 @@ impl EsiFile {
                 &mut notes,
             );
         }
+        if self.devices.is_empty() && self.modules.is_empty() && self.references.is_empty() {
+            root.problem("it has no device, no module and no reference to another file", &mut notes);
+        }
         self.notes = notes;
     }
 

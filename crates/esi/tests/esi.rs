@@ -326,6 +326,31 @@ fn process_data_that_reach_into_the_next_area_are_told() {
     assert_eq!(told("#x112C"), Vec::<String>::new());
 }
 
+/// A mailbox of 128 bytes from 0x1000 on ends at 0x1080; two at the same place are told once.
+#[test]
+fn mailboxes_that_reach_into_the_next_area_are_told() {
+    let told = |next: &str| {
+        let mailboxes = format!(
+            "<Sm StartAddress=\"#x1000\" ControlByte=\"#x26\" DefaultSize=\"128\">MBoxOut</Sm>\
+             <Sm StartAddress=\"{next}\" ControlByte=\"#x22\" DefaultSize=\"128\">MBoxIn</Sm>"
+        );
+        let text = format!(
+            "<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Devices>\n<Device><Type ProductCode=\"2\" \
+             RevisionNo=\"3\">A</Type>{mailboxes}</Device></Devices></Descriptions></EtherCATInfo>"
+        );
+        let file = EsiFile::parse(text.as_bytes()).unwrap();
+        doubts(&file).into_iter().filter(|one| one.contains("another")).collect::<Vec<_>>()
+    };
+    for next in ["0x107F", "0x1000"] {
+        let expected = format!(
+            "the mailbox of SyncManager 0 has 128 bytes from 0x1000 on, but the area of another begins at {next}: \
+             the device will refuse that; look for a newer file of its maker"
+        );
+        assert_eq!(told(&next.replace("0x", "#x")), [expected]);
+    }
+    assert_eq!(told("#x1080"), Vec::<String>::new());
+}
+
 /// A device late in a file of many problems isn't taken for a sound one.
 #[test]
 fn problems_of_which_no_note_is_kept_count_for_their_device() {

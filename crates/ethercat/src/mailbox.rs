@@ -9,7 +9,7 @@
 
 mod emergency;
 mod file;
-mod file_access;
+mod short_text;
 mod info;
 mod outcome;
 mod receive;
@@ -33,10 +33,10 @@ use crate::wire::mailbox::{self, Header, Protocol};
 use crate::wire::{HostTime, register};
 
 pub use emergency::{EmergencyRing, ReceivedEmergency};
-pub use file_access::{FileAccess, ShortText};
+pub use short_text::ShortText;
 pub use info::{EntryDescription, ObjectDescription, list_indices};
 pub use request::{
-    Completion, DEFAULT_TIMEOUT, MailboxError, MailboxRequest, ObjectList, Operation, SdoAccess, Waiting,
+    Completion, DEFAULT_TIMEOUT, FileAccess, MailboxError, MailboxRequest, ObjectList, Operation, SdoAccess, Waiting,
 };
 
 use transfer::Transfer;
@@ -216,7 +216,7 @@ impl Mailbox {
     }
 
     fn fits(&self, request: &MailboxRequest) -> Result<(), MailboxError> {
-        let (data, name) = (request.data.len(), request.operation.name_length());
+        let (data, name) = (request.data.len(), request.file.name.len());
         if request.operation.is_write() && u32::try_from(data).is_err() {
             return Err(MailboxError::DataTooLong { found: data });
         }

@@ -11,7 +11,7 @@ use omnibase_run::live::{EntryType, ObjectType, entry_unit};
 use serde::Serialize;
 use std::io::{self, Write};
 
-/// The access bits that allow reading in any state.
+/// The access bits that allow reading, one for each state.
 const READABLE: u16 = 0b00_0111;
 /// Object code of a single variable.
 const VARIABLE: u8 = 7;
@@ -84,22 +84,36 @@ impl Object {
             let name = if single && entry.name.is_empty() { &object.name } else { &entry.name };
             writeln!(
                 output,
-                "    {:04x}:{:02x}   {} {:<32} {:<6} {value}{space}{unit}",
+                "    {:04x}:{:02x}   {} {:<32} {:<6} {value}{space}{unit}{}",
                 object.index,
                 entry.subindex,
                 rights(entry.access),
                 name,
-                DataType::from_coe(entry.data_type)
+                DataType::from_coe(entry.data_type),
+                states(entry.access)
             )?;
         }
         Ok(())
     }
 }
 
-/// Reading and writing in any state, and mapping.
+/// Reading and writing, in whichever state, and mapping.
 fn rights(access: u16) -> String {
     let mark = |mask: u16, mark: char| if access & mask != 0 { mark } else { '-' };
     [mark(0b111, 'r'), mark(0b11_1000, 'w'), mark(1 << 6, 'o'), mark(1 << 7, 'i')].iter().collect()
+}
+
+/// The states in which an entry can be read and written, where these aren't all.
+fn states(access: u16) -> String {
+    let only = |bits: u16, what: &str| {
+        let states = ["PRE-OP", "SAFE-OP", "OP"].into_iter().enumerate();
+        let those: Vec<_> = states.filter(|(at, _)| bits & (1 << at) != 0).map(|(_, name)| name).collect();
+        match those.len() {
+            0 | 3 => String::new(),
+            _ => format!("  ({what} in {} only)", those.join(" and ")),
+        }
+    };
+    only(access & 0b111, "read") + &only(access >> 3 & 0b111, "written")
 }
 
 /// Who answers what a dictionary is made of. An inner `Err` is the SubDevice's own refusal, in words; an outer one ends it all.
@@ -247,5 +261,19 @@ fn refusal(error: SetUpError) -> Result<String, SetUpError> {
             ..
         } => Ok(cause.to_string()),
         error => Err(error),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rights_tell_the_states_that_they_are_bound_to() {
+        let told = |access| format!("{}{}", rights(access), states(access));
+        assert_eq!(told(0b00_111_111), "rw--");
+        assert_eq!(told(0b01_000_111), "r-o-");
+        assert_eq!(told(0b00_001_111), "rw--  (written in PRE-OP only)");
+        assert_eq!(told(0b10_011_100), "rw-i  (read in OP only)  (written in PRE-OP and SAFE-OP only)");
     }
 }

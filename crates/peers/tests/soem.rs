@@ -1,6 +1,6 @@
 //! SOEM drives the simulated segment over a virtual cable: OP, process data, SDOs of all lengths, dictionary, SYNC0.
 
-use omnibase_ethercat::mailbox::{FileAccess, MailboxRequest, Operation, ShortText};
+use omnibase_ethercat::mailbox::{FileAccess, MailboxRequest};
 use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_host::{MonotonicClock, Namespace, PacketSocket};
 use omnibase_peers::{behind_a_cable, drives, makers, soem};
@@ -126,8 +126,8 @@ fn what_one_writes_the_other_reads() {
         let wanted = bus.sii_with_alias(0, 0x0777).unwrap().expect("the checksum that SOEM wrote is right");
         bus.write_sii(0, &ours, &wanted).unwrap();
         bus.enter_boot(0).unwrap();
-        let file = FileAccess { name: ShortText::new("firmware.bin").unwrap(), password: 0 };
-        let read = MailboxRequest::new(Operation::ReadFile(file), Vec::with_capacity(2 * firmware.len()));
+        let file = FileAccess { name: "firmware.bin".to_owned(), password: 0 };
+        let read = MailboxRequest::read_file(file, Vec::with_capacity(2 * firmware.len()));
         assert_eq!(bus.transfer_file(0, read, &mut |_| {}).unwrap(), firmware);
         drop(bus);
         let report = soem::write_into(python, Namespace::NEAR, 0x0042, &[]).unwrap();

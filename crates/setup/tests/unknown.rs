@@ -97,6 +97,23 @@ fn parameters_are_written_and_stored_where_that_is_wished() {
     assert!(count(" written: ") >= 3 && count(" and reads back ") == 0, "{:?}", found.record.log);
 }
 
+/// A parameter that the drives refuse, and one that no set-up can compare: both are told, and the others are written.
+#[test]
+fn parameters_that_are_refused_are_told_and_keep_nothing_back() {
+    let parameters = ", { object = \"2fff\", type = \"u8\", value = 1 }, \
+                      { object = \"6065\", type = \"u32\", value = 77, state = \"safe_op\" }";
+    let circumstances = Circumstances { parameters, ..Circumstances::default() };
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let found = set_up_where(circumstances, &robot, &mut |_| None);
+    let count = |lines: &[String], words: &str| lines.iter().filter(|line| line.contains(words)).count();
+    let Record { findings, log, .. } = &found.record;
+    assert_eq!(count(findings, ": 2fff:00 isn't 1 now: "), 3, "{findings:#?}");
+    assert_eq!(count(&found.told, ": 2fff:00 is nothing that can be read, the file says 1"), 3, "{:?}", found.told);
+    assert_eq!(count(log, ": 6065:00 can't be compared and stored here "), 3, "{log:#?}");
+    assert_eq!(count(log, ": 6085:00 written: 2500000"), 3, "{log:#?}");
+    assert_eq!(differences(&robot, &found.text), Vec::<String>::new());
+}
+
 /// Numbers that no eye counts and no gear has are asked again.
 #[test]
 fn absurd_numbers_are_refused() {

@@ -18,6 +18,12 @@ function number(isSigned) {
   };
 }
 
+/** The states in which something is allowed, where these aren't all. */
+function only(what, bits) {
+  const states = ["PRE-OP", "SAFE-OP", "OP"].filter((_, at) => bits & (1 << at));
+  return states.length % 3 ? ` (${what} in ${states.join(" and ")} only)` : "";
+}
+
 const hex = (value, digits) => value.toString(16).padStart(digits, "0");
 
 export class Objects {
@@ -92,7 +98,8 @@ export class Objects {
     const { name, data_type, bit_length, access, unit } = data;
     const [type, words] = TYPES[data_type] ?? [`${bit_length} bits`, null];
     const rights = (access & READABLE ? "r" : "-") + (access & WRITABLE ? "w" : "-");
-    const head = `${object} ${rights} ${name} ${type}`;
+    const states = only("read", access & READABLE) + only("written", (access & WRITABLE) >> 3);
+    const head = `${object} ${rights} ${name} ${type}${states}`;
     if (!(access & READABLE)) return head;
     const read = await this.ask({ do: "sdo_read", subdevice, object });
     if (!read.done) return `${head} = ${read.text}`;

@@ -2,9 +2,9 @@
 
 use alloc::vec::Vec;
 
-use super::file_access::{FileAccess, ShortText};
 use super::outcome::{Outcome, failed, failed_with};
-use super::request::{MailboxError, MailboxRequest};
+use super::request::{FileAccess, MailboxError, MailboxRequest};
+use super::short_text::ShortText;
 use crate::wire::coe::AbortCode;
 use crate::wire::foe::{self, FoeErrorCode, Message};
 
@@ -26,7 +26,6 @@ enum Stage {
 /// The transfer of one file.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct File {
-    access: FileAccess,
     stage: Stage,
     /// The packet in hand: sent and not acknowledged, or received.
     packet: u32,
@@ -41,9 +40,8 @@ pub(super) struct File {
 }
 
 impl File {
-    pub(super) fn new(access: FileAccess, longest_answer: usize) -> Self {
+    pub(super) fn new(longest_answer: usize) -> Self {
         File {
-            access,
             stage: Stage::Ask,
             packet: 0,
             acknowledged: 0,
@@ -68,13 +66,13 @@ impl File {
         Message::Error { code: FoeErrorCode::NOT_DEFINED, text: b"" }.write(message)
     }
 
-    pub(super) fn write_download(&mut self, message: &mut [u8], data: &[u8]) -> usize {
-        let FileAccess { name, password } = &self.access;
+    pub(super) fn write_download(&mut self, message: &mut [u8], request: &MailboxRequest) -> usize {
         if self.stage == Stage::Ask {
-            return Message::Write { password: *password, name: name.bytes() }.write(message);
+            let FileAccess { name, password } = &request.file;
+            return Message::Write { password: *password, name: name.as_bytes() }.write(message);
         }
         self.room = message.len() - foe::HEADER;
-        let left = data.get(self.acknowledged..).unwrap_or(&[]);
+        let left = request.data.get(self.acknowledged..).unwrap_or(&[]);
         self.in_hand = left.len().min(self.room);
         Message::Data { packet: self.packet, data: &left[..self.in_hand] }.write(message)
     }
@@ -102,10 +100,11 @@ impl File {
         }
     }
 
-    pub(super) fn write_upload(&mut self, message: &mut [u8]) -> usize {
-        let FileAccess { name, password } = &self.access;
+    pub(super) fn write_upload(&mut self, message: &mut [u8], file: &FileAccess) -> usize {
         match self.stage {
-            Stage::Ask => Message::Read { password: *password, name: name.bytes() }.write(message),
+            Stage::Ask => {
+                Message::Read { password: file.password, name: file.name.as_bytes() }.write(message)
+            }
             Stage::Packets | Stage::LastAcknowledge => {
                 Message::Acknowledge { packet: self.packet }.write(message)
             }

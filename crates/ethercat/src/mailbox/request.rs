@@ -1,9 +1,10 @@
 //! What can be asked of a SubDevice's mailbox, and how it can end.
 
-use super::file_access::{FileAccess, ShortText};
+use super::short_text::ShortText;
 use crate::wire::coe::{AbortCode, ObjectAddress, info};
 use crate::wire::foe::FoeErrorCode;
 use crate::wire::mailbox::error_text;
+use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
 use core::time::Duration;
@@ -69,24 +70,16 @@ pub enum Operation {
         /// Which values to describe too, bits of [`super::EntryDescription`]; 0 for none.
         value_info: u8,
     },
-    /// Read a file (FoE).
-    ReadFile(FileAccess),
-    /// Write the request's data to a file (FoE).
-    WriteFile(FileAccess),
+    /// Read the request's file (FoE).
+    ReadFile,
+    /// Write the request's data to its file (FoE).
+    WriteFile,
 }
 
 impl Operation {
-    /// Bytes of the file's name; 0 where it is about no file.
-    pub(super) fn name_length(self) -> usize {
-        match self {
-            Operation::ReadFile(file) | Operation::WriteFile(file) => file.name.bytes().len(),
-            _ => 0,
-        }
-    }
-
     /// Whether the request's data go to the SubDevice.
     pub(super) fn is_write(self) -> bool {
-        matches!(self, Operation::Download { .. } | Operation::WriteFile(_))
+        matches!(self, Operation::Download { .. } | Operation::WriteFile)
     }
 
     pub(super) fn list_type(self) -> u16 {
@@ -112,10 +105,19 @@ impl fmt::Display for Operation {
             Operation::List(list) => write!(f, "reading object list {}", *list as u16),
             Operation::DescribeObject { index } => write!(f, "reading the description of object {index:04x}"),
             Operation::DescribeEntry { object, .. } => write!(f, "reading the description of entry {object}"),
-            Operation::ReadFile(file) => write!(f, "reading file `{}`", file.name),
-            Operation::WriteFile(file) => write!(f, "writing file `{}`", file.name),
+            Operation::ReadFile => f.write_str("reading a file"),
+            Operation::WriteFile => f.write_str("writing a file"),
         }
     }
+}
+
+/// Which file, and by what right.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct FileAccess {
+    /// The file's name as the SubDevice knows it.
+    pub name: String,
+    /// Its password; 0 where it has none.
+    pub password: u32,
 }
 
 /// A request, with the buffer that carries its data in or its result out.
@@ -125,6 +127,8 @@ impl fmt::Display for Operation {
 pub struct MailboxRequest {
     /// What is asked.
     pub operation: Operation,
+    /// The file that it is about; empty where it is about none.
+    pub file: FileAccess,
     /// A download's data, or (after success) the result of everything else.
     pub data: Vec<u8>,
     /// How long each message waits for its answer; a transfer of many segments may take longer in all. `None`: as the
@@ -145,7 +149,17 @@ impl MailboxRequest {
 
     /// Any operation with its buffer.
     pub fn new(operation: Operation, buffer: Vec<u8>) -> Self {
-        MailboxRequest { operation, data: buffer, timeout: None }
+        MailboxRequest { operation, file: FileAccess::default(), data: buffer, timeout: None }
+    }
+
+    /// Reads a file into `buffer`, whose capacity is the most that is accepted.
+    pub fn read_file(file: FileAccess, buffer: Vec<u8>) -> Self {
+        MailboxRequest { file, ..MailboxRequest::new(Operation::ReadFile, buffer) }
+    }
+
+    /// Writes `data` to a file.
+    pub fn write_file(file: FileAccess, data: Vec<u8>) -> Self {
+        MailboxRequest { file, ..MailboxRequest::new(Operation::WriteFile, data) }
     }
 
     /// The same request with another timeout for each message.

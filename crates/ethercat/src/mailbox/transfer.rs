@@ -21,9 +21,7 @@ impl Transfer {
     /// `longest_answer` is the most service data that the SubDevice's mailbox holds, bytes.
     pub(super) fn new(operation: Operation, longest_answer: usize) -> Self {
         match operation {
-            Operation::ReadFile(file) | Operation::WriteFile(file) => {
-                Transfer::File(File::new(file, longest_answer))
-            }
+            Operation::ReadFile | Operation::WriteFile => Transfer::File(File::new(longest_answer)),
             Operation::Upload { object, access } => Transfer::Upload(Sdo::new(object, access)),
             Operation::Download { object, access } => Transfer::Download(Sdo::new(object, access)),
             operation => Transfer::Info(Info::new(operation)),
@@ -60,10 +58,8 @@ impl Transfer {
             Transfer::Upload(sdo) => sdo.write_upload(message),
             Transfer::Download(sdo) => sdo.write_download(message, &request.data),
             Transfer::Info(info) => info.write(message),
-            Transfer::File(file) if request.operation.is_write() => {
-                file.write_download(message, &request.data)
-            }
-            Transfer::File(file) => file.write_upload(message),
+            Transfer::File(file) if request.operation.is_write() => file.write_download(message, request),
+            Transfer::File(file) => file.write_upload(message, &request.file),
         }
     }
 

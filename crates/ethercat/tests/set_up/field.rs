@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use omnibase_ethercat::eeprom::with_checksum;
-use omnibase_ethercat::mailbox::{FileAccess, MailboxRequest, Operation, ShortText};
+use omnibase_ethercat::mailbox::{FileAccess, MailboxRequest};
 use omnibase_ethercat::wire::{AlState, Clock, HostTime, Link, LinkError, sii};
 use omnibase_ethercat::{Bus, BusOptions, SetUpError};
 use omnibase_ethercat_sim::device::Piece;
@@ -184,7 +184,7 @@ fn an_eeprom_that_differs_in_the_end_has_its_checksum_spoiled() {
 }
 
 fn file(name: &str) -> FileAccess {
-    FileAccess { name: ShortText::new(name).unwrap(), password: 0 }
+    FileAccess { name: name.to_owned(), password: 0 }
 }
 
 /// Firmware of several packets of 52 bytes.
@@ -195,11 +195,11 @@ fn firmware(length: usize) -> Vec<u8> {
 fn update(bus: &mut FieldBus, content: &[u8]) -> Result<Vec<u8>, SetUpError> {
     bus.scan()?;
     bus.enter_boot(0)?;
-    let (write, read) = (Operation::WriteFile(file(FIRMWARE)), Operation::ReadFile(file(FIRMWARE)));
     let timeout = Duration::from_secs(1);
-    let request = |operation, data| MailboxRequest::new(operation, data).with_timeout(timeout);
-    bus.transfer_file(0, request(write, content.to_vec()), &mut |_| {})?;
-    let found = bus.transfer_file(0, request(read, Vec::with_capacity(4096)), &mut |_| {})?;
+    let write = MailboxRequest::write_file(file(FIRMWARE), content.to_vec());
+    bus.transfer_file(0, write.with_timeout(timeout), &mut |_| {})?;
+    let read = MailboxRequest::read_file(file(FIRMWARE), Vec::with_capacity(4096));
+    let found = bus.transfer_file(0, read.with_timeout(timeout), &mut |_| {})?;
     bus.leave_boot(0)?;
     bus.request_state(&[0], AlState::Init)?;
     Ok(found)
@@ -263,29 +263,31 @@ fn a_broken_off_firmware_is_never_called_good_and_can_be_written_again() {
 /// FoE has one message for a name: 34 bytes of mailbox leave room for 22 of it, and no cut name is ever asked for.
 #[test]
 fn a_name_that_the_mailbox_cant_carry_is_refused_before_anything_is_sent() {
-    let write = |name: &str| {
+    let write = |name: &str, mailbox: u8| {
         let mut sii = image(1);
-        [0x15, 0x17].into_iter().for_each(|word| sii[2 * word] = 34);
+        [0x15, 0x17].into_iter().for_each(|word| sii[2 * word] = mailbox);
         let generic = Generic::from_sii(&sii, &Piece::default()).unwrap();
         let files = generic.files.unwrap();
         let mut bus = bus_of(Segment::line(vec![generic.sub_device]).unwrap(), []);
         bus.scan().unwrap();
         bus.enter_boot(0).unwrap();
-        let operation = Operation::WriteFile(file(name));
-        let done = bus.transfer_file(0, MailboxRequest::new(operation, firmware(60)), &mut |_| {});
+        let request = MailboxRequest::write_file(file(name), firmware(60));
+        let done = bus.transfer_file(0, request, &mut |_| {});
         let names: Vec<String> = files.lock().files.keys().cloned().collect();
         (done.map(drop), names)
     };
-    let (done, names) = write(&"n".repeat(22));
+    let (done, names) = write(&"n".repeat(22), 34);
     assert!(done.is_ok() && names.contains(&"n".repeat(22)), "{done:?} {names:?}");
-    let (done, names) = write(&"n".repeat(23));
+    let (done, names) = write(&"n".repeat(23), 34);
     let words = done.unwrap_err().to_string();
     assert!(
         words.contains("the file's name has 23 bytes, this SubDevice's mailbox has room for 22"),
         "{words}"
     );
     assert!(names.iter().all(|name| !name.starts_with('n')), "{names:?}");
-    assert_eq!(ShortText::new(&"n".repeat(24)), None);
+    // As long as the mailbox has room for.
+    let (done, names) = write(&"n".repeat(52), 64);
+    assert!(done.is_ok() && names.contains(&"n".repeat(52)), "{done:?} {names:?}");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use crate::{Outcome, new_file, small_file};
 use anyhow::{Context, ensure};
 use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::field::FILE_TIMEOUT;
-use omnibase_ethercat::mailbox::{FileAccess, MailboxError, MailboxRequest, Operation, ShortText};
+use omnibase_ethercat::mailbox::{FileAccess, MailboxError, MailboxRequest};
 use omnibase_ethercat::wire::sii::PROTOCOL_FOE;
 use std::io::Write;
 use std::path::PathBuf;
@@ -95,11 +95,11 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
     let mut bus = place.open()?;
     // Half a firmware is none.
     let compared = to_the_end("a part of the file", || {
-        place.write(&mut bus, access, &content)?;
+        place.write(&mut bus, &access, &content)?;
         let compared = if *no_compare {
             Err("not asked for".to_owned())
         } else {
-            place.compare(&mut bus, access, &content)?
+            place.compare(&mut bus, &access, &content)?
         };
         place.leave(&mut bus)?;
         Ok(compared)
@@ -124,8 +124,8 @@ fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Out
     new_file::check(file)?;
     let access = place.access(file)?;
     let mut bus = place.open()?;
-    let operation = Operation::ReadFile(access);
-    let content = place.transfer(&mut bus, operation, Vec::with_capacity(READ_LIMIT))?;
+    let request = MailboxRequest::read_file(access.clone(), Vec::with_capacity(READ_LIMIT));
+    let content = place.transfer(&mut bus, request).with_context(|| format!("file `{}`", access.name))?;
     place.leave(&mut bus)?;
     new_file::write(file, &content)?;
     writeln!(
@@ -144,10 +144,7 @@ impl Place {
         let own = file.file_name().map(|name| name.to_string_lossy().into_owned());
         let name = self.name.clone().or(own).context("the file has no name: give --name")?;
         anyhow::ensure!(!name.is_empty(), "--name is empty: expected the file's name in the SubDevice");
-        let text = ShortText::new(&name).with_context(|| {
-            format!("--name `{name}` has {} bytes, at most {} are sent", name.len(), ShortText::LONGEST)
-        })?;
-        Ok(FileAccess { name: text, password: self.password })
+        Ok(FileAccess { name, password: self.password })
     }
 
     /// The segment, and the SubDevice where it takes files.
@@ -172,17 +169,17 @@ impl Place {
         Ok(bus)
     }
 
-    fn transfer(&self, bus: &mut AnyBus, operation: Operation, data: Vec<u8>) -> anyhow::Result<Vec<u8>> {
-        let bar = bar(data.len() as u64, "bytes");
-        let request = MailboxRequest::new(operation, data).with_timeout(FILE_TIMEOUT);
+    fn transfer(&self, bus: &mut AnyBus, request: MailboxRequest) -> anyhow::Result<Vec<u8>> {
+        let bar = bar(request.data.len() as u64, "bytes");
+        let request = request.with_timeout(FILE_TIMEOUT);
         let done = bus.transfer_file(self.position, request, &mut |bytes| bar.set_position(bytes as u64));
         bar.finish_and_clear();
         Ok(done?)
     }
 
-    fn write(&self, bus: &mut AnyBus, access: FileAccess, content: &[u8]) -> anyhow::Result<()> {
+    fn write(&self, bus: &mut AnyBus, access: &FileAccess, content: &[u8]) -> anyhow::Result<()> {
         note(format_args!("writing {} bytes as `{}`", content.len(), access.name));
-        let written = self.transfer(bus, Operation::WriteFile(access), content.to_vec());
+        let written = self.transfer(bus, MailboxRequest::write_file(access.clone(), content.to_vec()));
         written.map(drop).with_context(|| {
             let left = if self.pre_op {
                 "may have a part of that file now"
@@ -197,11 +194,11 @@ impl Place {
     fn compare(
         &self,
         bus: &mut AnyBus,
-        access: FileAccess,
+        access: &FileAccess,
         content: &[u8],
     ) -> anyhow::Result<Result<(), String>> {
         let room = Vec::with_capacity(content.len() + 1);
-        let found = match self.transfer(bus, Operation::ReadFile(access), room) {
+        let found = match self.transfer(bus, MailboxRequest::read_file(access.clone(), room)) {
             Ok(found) => found,
             // Many devices take a file and give none back; whoever fell silent or gave more is another matter.
             Err(error) if is_refusal(&error) => return Ok(Err(format!("{error:#}"))),
@@ -248,13 +245,13 @@ fn parse_password(text: &str) -> Result<u32, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use omnibase_ethercat::mailbox::Waiting;
+    use omnibase_ethercat::mailbox::{Operation, ShortText, Waiting};
     use omnibase_ethercat_wire::foe::FoeErrorCode;
 
     /// What a device won't give back is told; one that fell silent has perhaps no firmware.
     #[test]
     fn silence_while_a_file_is_read_back_is_no_refusal() {
-        let operation = Operation::ReadFile(FileAccess { name: ShortText::beginning(b"fw"), password: 0 });
+        let operation = Operation::ReadFile;
         let failed = |cause| anyhow::Error::new(SetUpError::Request { position: 2, operation, cause });
         let (code, text) = (FoeErrorCode::NOT_FOUND, ShortText::beginning(b""));
         assert!(is_refusal(&failed(MailboxError::FileRefused { code, packet: 0, text })));

@@ -37,7 +37,7 @@ enum Action {
   omnibase sdo list @robot 2 1018 6083 --json     of these objects
 
 By the SubDevice's SDO Information, object by object as they come. r: readable, w: writable, o, i: can be mapped to outputs,
-inputs. What a SubDevice refuses is shown with its reason.")]
+inputs; where not in every state, the states stand at the end. What a SubDevice refuses is shown with its reason.")]
 struct ListArguments {
     /// Network interface, @robot, or sim:<segment.toml>.
     #[arg(value_name = "INTERFACE")]
@@ -343,9 +343,10 @@ fn object_json(object: ObjectAddress, data_type: DataType, data: &[u8]) -> Objec
     }
 }
 
-/// `index:subindex`, hexadecimal with or without 0x; a missing subindex is 0.
+/// `index:subindex`, or `index.subindex` as a robot's file and messages have it, hexadecimal with or without 0x; a missing
+/// subindex is 0.
 fn parse_object(text: &str) -> Result<ObjectAddress, String> {
-    let (index, subindex) = text.split_once(':').unwrap_or((text, "0"));
+    let (index, subindex) = text.split_once([':', '.']).unwrap_or((text, "0"));
     let digits = |text: &str| {
         let text = text.strip_prefix("0x").unwrap_or(text);
         u16::from_str_radix(text, 16).ok().filter(|_| !text.starts_with('+'))
@@ -367,8 +368,9 @@ mod tests {
     fn objects_are_hexadecimal() {
         assert_eq!(parse_object("6041:00"), Ok(ObjectAddress::new(0x6041, 0)));
         assert_eq!(parse_object("0x1c12:0x1A"), Ok(ObjectAddress::new(0x1C12, 0x1A)));
+        assert_eq!(parse_object("0x2200.1"), Ok(ObjectAddress::new(0x2200, 1)));
         assert_eq!(parse_object("1008"), Ok(ObjectAddress::new(0x1008, 0)));
-        for wrong in ["", ":", "6041:", "60411:0", "6041:100", "+1:0", "x:0"] {
+        for wrong in ["", ":", "6041:", "6041.0:1", "60411:0", "6041:100", "+1:0", "x:0"] {
             assert!(parse_object(wrong).is_err(), "{wrong}");
         }
     }

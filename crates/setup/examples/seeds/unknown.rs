@@ -345,6 +345,8 @@ pub struct Circumstances {
     pub places: Option<[BusPlace; 3]>,
     /// What drives know (faults, EEPROMs) outlives whoever opened the bus, until the robot is put down.
     pub has_memory: bool,
+    /// What the file writes to its drives beside the base's own: `, { … }` each.
+    pub parameters: &'static str,
 }
 
 /// A link that several buses have one after the other.
@@ -363,10 +365,13 @@ impl Link for SharedLink {
 /// As [`set_up`], under these circumstances; `back_up` keeps an EEPROM before it is written.
 pub fn set_up_in(
     robot: &Unknown,
-    Circumstances { lets_go_at, fails_while, dark_while, is_switched_between, places, has_memory }: Circumstances,
+    circumstances: Circumstances,
     otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
     mut back_up: BackUp<'_>,
 ) -> Result<Found, String> {
+    let Circumstances { lets_go_at, fails_while, dark_while, is_switched_between, places, has_memory, parameters } =
+        circumstances;
+    let base = BASE.replace("value = 2_500_000 }", &format!("value = 2_500_000 }}{parameters}"));
     let world = World { robot: robot.clone(), on_floor: false, machine: None, injector: None, pushed: None };
     let world = Rc::new(RefCell::new(world));
     let opened = Rc::clone(&world);
@@ -411,7 +416,7 @@ pub fn set_up_in(
     let mut kept = String::new();
     for _ in 0..2 {
         let record = if kept.is_empty() { Record::default() } else { Record::from_json(&kept)? };
-        let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(BASE.to_owned()) };
+        let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(base.clone()) };
         let mut keep = |record: &Record| {
             kept = record.to_json();
             Ok(())

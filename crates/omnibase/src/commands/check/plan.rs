@@ -2,9 +2,11 @@
 
 use omnibase_description::Body;
 use omnibase_ethercat::config::Timeouts;
+use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{
-    BusPlace, Coding, DcPlan, DrivePlan, FootprintSource, InputOwner, PdoPlan, TorqueLimit, TorqueLimitTold,
+    BusPlace, Coding, DcPlan, DrivePlan, FootprintSource, InputOwner, ParameterPlan, ParameterState, PdoPlan,
+    TorqueLimit, TorqueLimitTold,
 };
 use serde_json::{Value, json};
 use std::io::{self, Write};
@@ -119,16 +121,16 @@ pub fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
         let scale = &drive.scale;
         writeln!(
             output,
-            "  {}: {} counts/rev, gear {}, {} N·m rated, {} N·m peak, {} parameters",
+            "  {}: {} counts/rev, gear {}, {} N·m rated, {} N·m peak",
             drive.name,
             scale.counts_per_revolution,
             scale.gear_ratio,
             scale.rated_torque_nm,
-            scale.peak_torque_nm,
-            drive.parameters.len()
+            scale.peak_torque_nm
         )?;
         writeln!(output, "    torque limit {}", torque_limit(drive))?;
         print_start(drive.dc.as_ref(), &drive.timeouts, output)?;
+        print_parameters(&drive.parameters, output)?;
         for (name, pdos, bytes) in
             [("out", &drive.outputs, drive.output_bytes()), ("in", &drive.inputs, drive.input_bytes())]
         {
@@ -187,6 +189,34 @@ fn print_start(dc: Option<&DcPlan>, timeouts: &Timeouts, output: &mut dyn Write)
     Ok(())
 }
 
+/// The objects that are written at a start, by the state in which they are.
+fn print_parameters(parameters: &[ParameterPlan], output: &mut dyn Write) -> io::Result<()> {
+    for state in [ParameterState::PreOp, ParameterState::SafeOp] {
+        let those = parameters.iter().filter(|one| one.state == state).map(parameter);
+        let those: Vec<String> = those.collect();
+        if !those.is_empty() {
+            writeln!(output, "    written in {:<7} {}", state_name(state), those.join(" "))?;
+        }
+    }
+    Ok(())
+}
+
+/// A parameter's object: `6060:00`.
+fn parameter(one: &ParameterPlan) -> String {
+    ObjectAddress::new(one.index, one.subindex).to_string()
+}
+
+fn state_name(state: ParameterState) -> &'static str {
+    match state {
+        ParameterState::PreOp => "PRE-OP",
+        ParameterState::SafeOp => "SAFE-OP",
+    }
+}
+
+fn json_parameters(parameters: &[ParameterPlan]) -> Vec<Value> {
+    parameters.iter().map(|one| json!({ "object": parameter(one), "state": one.state })).collect()
+}
+
 /// The SubDevices without a wheel and their signals; nothing where there are none.
 fn print_devices(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
     if !plan.devices.is_empty() {
@@ -201,6 +231,7 @@ fn print_devices(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
         });
         writeln!(output, "  {}: {}, {}{group}", device.name, device.kind, bus_place(device.place))?;
         print_start(device.dc.as_ref(), &device.timeouts, output)?;
+        print_parameters(&device.parameters, output)?;
         for input in &device.input {
             writeln!(output, "    in  {}.{}{} {}", device.name, input.name, at(&input.coding), input.unit)?;
         }
@@ -239,6 +270,7 @@ pub fn json(plan: &RobotPlan) -> Value {
             "rotor_inertia_kg_m2": described.rotor_inertia_kg_m2,
             "place": bus_place(drive.place),
             "device": drive.device,
+            "parameters": json_parameters(&drive.parameters),
             "outputs": { "bytes": drive.output_bytes(), "objects": image(&drive.outputs) },
             "inputs": { "bytes": drive.input_bytes(), "objects": image(&drive.inputs) },
         })
@@ -253,6 +285,7 @@ pub fn json(plan: &RobotPlan) -> Value {
             "kind": device.kind,
             "place": bus_place(device.place),
             "group": device.group,
+            "parameters": json_parameters(&device.parameters),
             "inputs": device.input.iter().map(|one| json!([one.name, one.unit])).collect::<Vec<_>>(),
             "outputs": device.output.iter().map(|one| json!([one.name, one.unit])).collect::<Vec<_>>(),
         })

@@ -1,9 +1,9 @@
-//! A file as a request names it.
+//! The beginning of what a SubDevice said, in an error that can be copied.
 
 use alloc::string::String;
 use core::fmt;
 
-/// A few bytes of text that can be copied: a file's name, or the beginning of what a SubDevice said.
+/// A few bytes of text that can be copied.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub struct ShortText {
     bytes: [u8; ShortText::LONGEST],
@@ -13,11 +13,6 @@ pub struct ShortText {
 impl ShortText {
     /// The most bytes.
     pub const LONGEST: usize = 23;
-
-    /// The whole of `text`; `None` where it is too long.
-    pub fn new(text: &str) -> Option<Self> {
-        (text.len() <= Self::LONGEST).then(|| Self::beginning(text.as_bytes()))
-    }
 
     /// As much of `text` as there is room for.
     pub fn beginning(text: &[u8]) -> Self {
@@ -43,13 +38,4 @@ impl fmt::Debug for ShortText {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         fmt::Debug::fmt(&String::from_utf8_lossy(self.bytes()), f)
     }
-}
-
-/// Which file, and by what right.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct FileAccess {
-    /// The file's name as the SubDevice knows it.
-    pub name: ShortText,
-    /// Its password; 0 where it has none.
-    pub password: u32,
 }
