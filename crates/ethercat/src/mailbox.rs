@@ -9,12 +9,12 @@
 
 mod emergency;
 mod file;
-mod short_text;
 mod info;
 mod outcome;
 mod receive;
 mod request;
 mod sdo;
+mod short_text;
 mod transfer;
 
 #[cfg(test)]
@@ -33,11 +33,12 @@ use crate::wire::mailbox::{self, Header, Protocol};
 use crate::wire::{HostTime, register};
 
 pub use emergency::{EmergencyRing, ReceivedEmergency};
-pub use short_text::ShortText;
 pub use info::{EntryDescription, ObjectDescription, list_indices};
 pub use request::{
-    Completion, DEFAULT_TIMEOUT, FileAccess, MailboxError, MailboxRequest, ObjectList, Operation, SdoAccess, Waiting,
+    Completion, DEFAULT_TIMEOUT, FileAccess, MailboxError, MailboxRequest, ObjectList, Operation, SdoAccess,
+    Waiting,
 };
+pub use short_text::ShortText;
 
 use transfer::Transfer;
 

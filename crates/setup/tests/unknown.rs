@@ -108,7 +108,12 @@ fn parameters_that_are_refused_are_told_and_keep_nothing_back() {
     let count = |lines: &[String], words: &str| lines.iter().filter(|line| line.contains(words)).count();
     let Record { findings, log, .. } = &found.record;
     assert_eq!(count(findings, ": 2fff:00 isn't 1 now: "), 3, "{findings:#?}");
-    assert_eq!(count(&found.told, ": 2fff:00 is nothing that can be read, the file says 1"), 3, "{:?}", found.told);
+    assert_eq!(
+        count(&found.told, ": 2fff:00 is nothing that can be read, the file says 1"),
+        3,
+        "{:?}",
+        found.told
+    );
     assert_eq!(count(log, ": 6065:00 can't be compared and stored here "), 3, "{log:#?}");
     assert_eq!(count(log, ": 6085:00 written: 2500000"), 3, "{log:#?}");
     assert_eq!(differences(&robot, &found.text), Vec::<String>::new());

@@ -80,6 +80,20 @@ fn a_makers_file_becomes_tables_that_a_robots_file_takes() {
 }
 
 #[test]
+fn check_tells_what_is_written_in_which_state() {
+    let folder = Folder::new("written-in");
+    let base = std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap();
+    let more = "value = 2_500_000 }, { object = \"2100\", type = \"u8\", value = 1, state = \"safe_op\" }]";
+    let path = folder.path("robot.toml");
+    std::fs::write(&path, base.replace("value = 2_500_000 }]", more)).unwrap();
+    let checked = omnibase(&["check", &path]);
+    let told = words(&checked.stdout);
+    for expected in ["    written in PRE-OP  6085:00\n", "    written in SAFE-OP 2100:00\n"] {
+        assert_eq!(told.matches(expected).count(), 3, "{expected}\n{told}");
+    }
+}
+
+#[test]
 fn what_is_wrong_with_a_makers_file_is_told_with_each_form_of_a_device() {
     let folder = Folder::new("esi-wrong");
     let made_up = std::fs::read_to_string(root().join("segments/maker.xml")).unwrap();

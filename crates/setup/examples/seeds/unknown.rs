@@ -369,8 +369,15 @@ pub fn set_up_in(
     otherwise: &mut dyn FnMut(&Question) -> Option<Answer>,
     mut back_up: BackUp<'_>,
 ) -> Result<Found, String> {
-    let Circumstances { lets_go_at, fails_while, dark_while, is_switched_between, places, has_memory, parameters } =
-        circumstances;
+    let Circumstances {
+        lets_go_at,
+        fails_while,
+        dark_while,
+        is_switched_between,
+        places,
+        has_memory,
+        parameters,
+    } = circumstances;
     let base = BASE.replace("value = 2_500_000 }", &format!("value = 2_500_000 }}{parameters}"));
     let world = World { robot: robot.clone(), on_floor: false, machine: None, injector: None, pushed: None };
     let world = Rc::new(RefCell::new(world));
