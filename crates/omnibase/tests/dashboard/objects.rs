@@ -18,6 +18,10 @@ fn objects_are_browsed_with_names_types_and_values() {
     page.wait("document.querySelector('[data-object=\"1018\"]')");
     page.value("void (document.querySelector('[data-object=\"1018\"]').open = true)");
     page.wait("/^1018:01 r- .*u32 = \\d+$/.test(document.querySelectorAll('[data-object=\"1018\"] li')[1]?.textContent)");
+    // Where something is allowed in some states only, they stand there.
+    page.wait("document.querySelector('[data-object=\"1600\"]')");
+    page.value("void (document.querySelector('[data-object=\"1600\"]').open = true)");
+    page.wait("/^1600:01 rw .* u32 \\(written in PRE-OP only\\) = \\d+$/.test(document.querySelectorAll('[data-object=\"1600\"] li')[1]?.textContent)");
     // Another SubDevice, and its own objects.
     page.value("void (document.querySelector('#objects select').selectedIndex = 2)");
     page.value("void document.querySelector('#objects select').dispatchEvent(new Event('change'))");
