@@ -149,6 +149,7 @@ fn exchange_cycles_three_sgdv_with_clocks_and_without_forbidden_commands() {
         "operational",
         "cycles",
         "damage",
+        "surplus",
         "lost_frames",
         "not_operational",
         "working_counter_errors",

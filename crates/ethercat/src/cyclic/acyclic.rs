@@ -1,5 +1,6 @@
 //! Work beside the cycle: mailbox requests and register accesses, one datagram a cycle.
 
+mod register_job;
 mod request;
 mod safe_op_writer;
 
@@ -13,11 +14,12 @@ use crate::mailbox::{Mailbox, MailboxError, ReceivedEmergency};
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::start_up::StartUpError;
 use crate::subdevice::SubDevice;
-use crate::wire::{Address, Command, HostTime};
+use crate::wire::HostTime;
 
 pub use request::{AcyclicCompletion, AcyclicError, AcyclicRequest, AcyclicWork, RegisterAccess};
 
 use super::recovery::{Comeback, Observed, Recovery, RecoveryError, Surroundings};
+use register_job::RegisterJob;
 use safe_op_writer::SafeOpWriter;
 
 /// Requests that may be queued, in work, or waiting to be taken, together.
@@ -26,22 +28,6 @@ pub const CAPACITY: usize = 64;
 const LOOK_INTERVAL: Duration = Duration::from_millis(10);
 /// The same while somebody is on its way back, whose way takes nearly all spare datagrams.
 const LOOK_INTERVAL_BESIDE: Duration = Duration::from_millis(40);
-/// How long a register access is repeated.
-const REGISTER_TIMEOUT: Duration = Duration::from_millis(500);
-
-/// A register access in work.
-#[derive(Clone, Debug)]
-struct RegisterJob {
-    tag: u64,
-    position: u16,
-    way: RegisterAccess,
-    register: u16,
-    data: Vec<u8>,
-    deadline: HostTime,
-    found: Found,
-    done: bool,
-}
-
 /// What a SubDevice's share of the spare datagrams goes to.
 #[derive(Debug)]
 struct Lane {
@@ -344,7 +330,7 @@ impl Acyclic {
                         way,
                         register,
                         data,
-                        deadline: now + REGISTER_TIMEOUT,
+                        deadline: now + register_job::TIMEOUT,
                         found: Found::Nothing,
                         done: false,
                     });
@@ -508,56 +494,5 @@ impl Acyclic {
             (None, Some(mailbox)) => mailbox.answer(answer, now),
             (None, None) => {}
         }
-    }
-}
-
-impl RegisterJob {
-    fn datagram(&self, station: u16) -> DatagramRequest {
-        match self.way {
-            RegisterAccess::Read => DatagramRequest::read(station, self.register, self.data.len()),
-            RegisterAccess::Write => DatagramRequest::write(station, self.register, self.data.len()),
-            RegisterAccess::ReadAll => self.to_all(Command::Brd),
-            RegisterAccess::WriteAll => self.to_all(Command::Bwr),
-        }
-    }
-
-    fn to_all(&self, command: Command) -> DatagramRequest {
-        DatagramRequest { command, address: Address::broadcast(self.register), length: self.data.len() }
-    }
-
-    fn fill(&self, out: &mut [u8]) {
-        let writes = matches!(self.way, RegisterAccess::Write | RegisterAccess::WriteAll);
-        if writes && self.data.len() == out.len() {
-            out.copy_from_slice(&self.data);
-        }
-    }
-
-    fn answer(&mut self, answer: Answer<'_>) {
-        let Answer::Returned { working_counter, data } = answer else { return };
-        self.found = Found::WorkingCounter(working_counter);
-        let (reads, is_taken) = match self.way {
-            RegisterAccess::Read => (true, working_counter == 1),
-            RegisterAccess::Write => (false, working_counter == 1),
-            // How many answer is for others to judge.
-            RegisterAccess::ReadAll => (true, working_counter > 0),
-            RegisterAccess::WriteAll => (false, working_counter > 0),
-        };
-        if !is_taken {
-            return;
-        }
-        self.done = true;
-        if reads && self.data.len() == data.len() {
-            self.data.copy_from_slice(data);
-        }
-    }
-
-    fn complete(self) -> AcyclicCompletion {
-        let RegisterJob { tag, position, way, register, data, found, .. } = self;
-        let result = if self.done {
-            Ok(())
-        } else {
-            Err(AcyclicError::Register { register, found, after: REGISTER_TIMEOUT })
-        };
-        AcyclicCompletion { tag, position, work: AcyclicWork::Registers { way, register, data }, result }
     }
 }

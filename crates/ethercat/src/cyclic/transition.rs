@@ -1,5 +1,7 @@
 //! From PRE-OP to OP and back while process data flow: one step after the other, advanced by each exchange.
 
+mod goal;
+
 use core::time::Duration;
 
 use super::acyclic::Acyclic;
@@ -15,90 +17,7 @@ use crate::sync_manager::ACTIVATE;
 use crate::wire::bytes::{u16_at, u32_at};
 use crate::wire::{AlState, AlStatusCode, DcTime, HostTime, register};
 
-/// Limits of the way to OP.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct TransitionOptions {
-    /// Every clock must be nearer to the reference than this (0x092C) before SYNC0 is armed, ns.
-    pub lock_limit_ns: u32,
-    /// Looks at all clocks in a row that must be within the limit.
-    pub lock_rounds: u32,
-    /// The longest wait for that.
-    pub lock_timeout: Duration,
-    /// How far ahead of the present the first SYNC0 is put.
-    pub sync_margin: Duration,
-    /// The longest wait for a state.
-    pub state_timeout: Duration,
-    /// Complete exchanges in a row before OP is asked, and before it is believed; more where the slowest SubDevice's
-    /// turn comes less often.
-    pub settle_cycles: u32,
-    /// The longest wait for those.
-    pub settle_timeout: Duration,
-}
-
-impl Default for TransitionOptions {
-    fn default() -> Self {
-        TransitionOptions {
-            lock_limit_ns: 1000,
-            lock_rounds: 10,
-            lock_timeout: Duration::from_secs(10),
-            sync_margin: Duration::from_millis(100),
-            state_timeout: Duration::from_secs(10),
-            settle_cycles: 10,
-            settle_timeout: Duration::from_secs(2),
-        }
-    }
-}
-
-/// Where a transition leads.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Goal {
-    /// OP, with clocks locked and SYNC as configured.
-    Op,
-    /// PRE-OP, SYNC off.
-    PreOp,
-    /// INIT, SYNC off.
-    Init,
-}
-
-impl Goal {
-    /// The state that everyone shall be in.
-    pub fn state(self) -> AlState {
-        match self {
-            Goal::Op => AlState::Op,
-            Goal::PreOp => AlState::PreOp,
-            Goal::Init => AlState::Init,
-        }
-    }
-}
-
-/// The steps, in their order; [`Goal::Op`] takes the first half.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
-    /// Waiting until all clocks agree with the reference.
-    LockClocks,
-    /// SYNC off (0x0981), so that a new start time is taken.
-    SyncOff,
-    /// SYNC unit given to the MainDevice (0x0980).
-    CyclicControl,
-    /// SYNC0 cycle time (0x09A0).
-    Sync0Cycle,
-    /// SYNC1 cycle time (0x09A4).
-    Sync1Cycle,
-    /// Start time (0x0990).
-    StartTime,
-    /// SYNC on (0x0981).
-    SyncOn,
-    /// The n-th SyncManager of each SubDevice that is on in OP alone: on, or off on the way back.
-    OpOnly(u8),
-    /// Asking for a state.
-    Ask(AlState),
-    /// Waiting for it.
-    Await(AlState),
-    /// Waiting for complete exchanges in that state.
-    Settle(AlState),
-    /// Writing the SDOs that are for SAFE-OP.
-    Sdos,
-}
+pub use goal::{Goal, Step, TransitionOptions};
 
 /// What a transition can see.
 pub(super) struct View<'a> {
@@ -383,7 +302,7 @@ impl Transition {
             if let Some(error) = self.culprit(state, view, up.then_some(after)) {
                 return self.fail(error, view.now);
             }
-            if after >= last {
+            if after >= last || self.are_all_in(state, view) {
                 return self.go_on(view.now);
             }
         }
@@ -393,7 +312,9 @@ impl Transition {
             return self.go_on(view.now);
         }
         let error = up && view.status.is_some_and(|status| status.bits & AlState::ERROR != 0);
-        if error || timed_out {
+        // Who was plugged in meanwhile answers what all are asked: then each member is asked by itself.
+        let are_more = view.status.is_some_and(|status| usize::from(status.answered) > view.members.len());
+        if error || timed_out || are_more {
             view.batch.begin(1);
             for member in view.members {
                 let access = Access::Read { register: register::AL_STATUS, length: 6 };
@@ -459,6 +380,15 @@ impl Transition {
         }
     }
 
+    /// Whether every member was just seen in a state, on the way up without an error.
+    fn are_all_in(&self, state: AlState, view: &View<'_>) -> bool {
+        let mask = if self.goal == Goal::Op { AlState::ERROR | 0x0F } else { 0x0F };
+        let is_in = |item: &Item| {
+            matches!(item.state, ItemState::Answered) && u16_at(&item.data, 0) & mask == state.bits()
+        };
+        view.batch.items().iter().all(is_in)
+    }
+
     /// The longest wait for a SubDevice's state.
     fn limit(&self, state: AlState, member: &Member) -> Duration {
         let own = member.timeouts.of(state).filter(|_| self.goal == Goal::Op);
@@ -477,7 +407,9 @@ impl Transition {
             let status = u16_at(&item.data, 0);
             let code = AlStatusCode(u16_at(&item.data, 4));
             let programmed = programmed(member);
-            if status & AlState::ERROR != 0 {
+            // A chip without a processor repeats the acknowledgement: it refuses nothing where it is.
+            let is_repeated = status & 0x0F == target.bits() && code == AlStatusCode(0);
+            if status & AlState::ERROR != 0 && !is_repeated {
                 return Some(TransitionError::StateRefused { position, target, status, code, programmed });
             }
             let after = after.filter(|_| status & 0x0F != target.bits())?;

@@ -4,7 +4,7 @@ use omnibase_ethercat::cyclic::ClockDirection;
 use omnibase_ethercat::cyclic::{Goal, TransitionStatus};
 use omnibase_ethercat::wire::{AlState, Clock, Command, HostTime};
 use omnibase_ethercat::{Exchange, SubDeviceConfig};
-use omnibase_ethercat_sim::Segment;
+use omnibase_ethercat_sim::{Fault, Segment, SegmentFile};
 
 use crate::runner::{Runner, segment_file, synchronous};
 use std::time::Duration;
@@ -94,5 +94,25 @@ fn a_tree_of_couplers_terminals_and_drives_reaches_op() {
     assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
     for _ in 0..200 {
         assert_eq!(runner.cycle(), Exchange::Complete);
+    }
+}
+
+/// Terminals without a processor repeat the acknowledgement that is asked of all on the way back: no refusal, and whoever was
+/// plugged in meanwhile answers with them, in INIT.
+#[test]
+fn whoever_is_plugged_in_meanwhile_keeps_nobody_from_the_way_back() {
+    let file = "[[subdevice]]\nkind = \"digital-io\"\ninputs = 8\n[[subdevice]]\nkind = \"servo\"\n[[subdevice]]\nkind = \"servo\"\n";
+    let mut segment = SegmentFile::parse(file).unwrap().build(std::path::Path::new(".")).unwrap();
+    segment.inject(1, Fault::CableCut { port: 1 }).unwrap();
+    let configs = [SubDeviceConfig::default(), SubDeviceConfig::default()];
+    let mut runner = Runner::new(segment, &configs, ClockDirection::CycleFollowsDc);
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
+    runner.segment().inject(1, Fault::CableRestored { port: 1 }).unwrap();
+    runner.cycles(50);
+    for goal in [Goal::PreOp, Goal::Op, Goal::Init] {
+        let before = runner.bus().link_mut().frames;
+        assert_eq!(runner.to(goal), TransitionStatus::Reached(goal));
+        let took = runner.bus().link_mut().frames - before;
+        assert!(took < 1000, "{goal:?}: {took} frames");
     }
 }

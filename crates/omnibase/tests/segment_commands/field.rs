@@ -300,6 +300,27 @@ fn an_exchange_says_where_frames_were_damaged() {
     });
 }
 
+/// Whoever is plugged in while it runs is told, and makes nobody else's operation none.
+#[test]
+fn an_exchange_tells_who_was_plugged_in_meanwhile() {
+    let Some(namespace) = Namespace::for_test("an_exchange_tells_who_was_plugged_in_meanwhile") else { return };
+    let faults = (0..120).map(|n| 1.7 * f64::from(n));
+    let faults = faults.flat_map(|n| [format!("power-off@2:{n:.1}"), format!("power-on@2:{:.1}", n + 0.8)]);
+    let faults: Vec<String> = faults.flat_map(|fault| ["--fault".to_owned(), fault]).collect();
+    let report = |run: &Output| -> serde_json::Value { serde_json::from_slice(&run.stdout).unwrap() };
+    namespace.run(|| {
+        let file = segment("three-servos");
+        let mut arguments = vec![file.as_str()];
+        arguments.extend(faults.iter().map(String::as_str));
+        let (_simulator, _) = Simulator::start(&arguments);
+        let half_a_second = ["exchange", Namespace::NEAR, "--cycle-us", "10000", "--cycles", "50", "--json"];
+        // It is lost in the midst of most runs.
+        let mut runs = (0..60).map(|_| omnibase(&half_a_second)).filter(|run| run.stdout.starts_with(b"{"));
+        let told = runs.find(|run| report(run)["surplus"] == 1).expect("a run meets one that is plugged in");
+        assert_eq!((told.status.code(), &report(&told)["operational"]), (Some(0), &true.into()));
+    });
+}
+
 /// Firmware that hangs now and then, behind a chip that answers from OP all the same.
 #[test]
 fn an_exchange_says_whose_firmware_hung() {

@@ -35,6 +35,8 @@ pub struct Report {
     pub not_operational: Vec<String>,
     /// Where frames were damaged, links lost and firmware silent.
     pub damage: Vec<String>,
+    /// How many more SubDevices answered in the end than were set up.
+    pub surplus: usize,
     /// Whose pauses cost cycles.
     pub pauses: Pauses,
     /// How long cycles took, as in the summary of a run.
@@ -54,6 +56,7 @@ pub struct ReportJson<'a> {
     dc_phase_ns: Option<Quantiles>,
     not_operational: &'a [String],
     damage: &'a [String],
+    surplus: usize,
     pauses: &'a Pauses,
     timing: &'a TimingFigures,
     commands_used: &'a [&'static str],
@@ -74,6 +77,7 @@ impl Report {
             dc_phase_ns: quantiles(&self.timing.dc_phase_ns),
             not_operational: &self.not_operational,
             damage: &self.damage,
+            surplus: self.surplus,
             pauses: &self.pauses,
             timing: &self.timing,
             commands_used: &self.commands_used,
@@ -104,6 +108,13 @@ impl Report {
         }
         for damage in &self.damage {
             writeln!(output, "damage                  {damage}")?;
+        }
+        if self.surplus > 0 {
+            writeln!(
+                output,
+                "plugged in meanwhile    {} more answer than were set up: left alone; start again to take them in",
+                self.surplus
+            )?;
         }
         self.timing.print(output)?;
         self.pauses.print(output)

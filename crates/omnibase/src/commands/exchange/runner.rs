@@ -57,6 +57,8 @@ struct Measured {
     not_operational: Vec<String>,
     /// Where frames were damaged, links lost and firmware silent, in words.
     damage: Vec<String>,
+    /// How many more answered in the end than were set up.
+    surplus: usize,
     before: CycleCounters,
     after: CycleCounters,
 }
@@ -75,6 +77,7 @@ impl Runner {
             operational: false,
             not_operational: Vec::new(),
             damage: Vec::new(),
+            surplus: 0,
             before: CycleCounters::default(),
             after: CycleCounters::default(),
         };
@@ -94,6 +97,8 @@ impl Runner {
             let cleared = self.look(0, RegisterAccess::WriteAll, register::WATCHDOG_COUNTER, 2)?;
             self.cycle(stop)?;
             self.measured.operational = self.is_operational();
+            let answered = self.paced.bus().status().map_or(0, |status| usize::from(status.answered));
+            self.measured.surplus = answered.saturating_sub(self.subdevices.len());
             if !self.measured.operational {
                 self.find_culprits()?;
             }
@@ -119,12 +124,14 @@ impl Runner {
         }
     }
 
-    /// Everyone is in OP and answering.
+    /// Everyone is in OP and answering. Where more answer than were set up, their states can't be told from the others' at once:
+    /// the health of each tells.
     fn is_operational(&self) -> bool {
         let operational = self.paced.bus().health().iter().all(|health| *health == Health::Operational);
         operational
             && self.paced.bus().status().is_some_and(|status| {
-                usize::from(status.answered) == self.subdevices.len() && status.bits == AlState::Op.bits()
+                let (answered, expected) = (usize::from(status.answered), self.subdevices.len());
+                answered > expected || answered == expected && status.bits == AlState::Op.bits()
             })
     }
 
@@ -302,6 +309,7 @@ impl Runner {
             commands_used: self.paced.bus().commands_used().iter().map(|command| command.name()).collect(),
             not_operational: self.measured.not_operational.clone(),
             damage: self.measured.damage.clone(),
+            surplus: self.measured.surplus,
             pauses: self.measured.pauses,
             timing: self.measured.timing.figures(&[]),
         }
