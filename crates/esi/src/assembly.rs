@@ -126,7 +126,7 @@ impl<'a> Assembly<'a> {
         if found > most {
             return Err(AssemblyError::TooMany { device: name(), most, found });
         }
-        for (slot, module) in (1..).zip(&assembly.modules) {
+        for (slot, module) in (1..).zip(&assembly.modules).filter(|(_, module)| !module.is_none()) {
             let kind = kind_of_slot(slots, slot);
             let fits = kind.is_none_or(|kind| {
                 let by_ident = module.ident.is_some_and(|ident| kind.idents.contains(&ident));
@@ -183,16 +183,15 @@ impl<'a> Assembly<'a> {
     /// device's own first.
     pub fn pdos(&self, outputs: bool) -> Vec<Pdo> {
         let own = if outputs { &self.device.rx_pdos } else { &self.device.tx_pdos };
-        let mut pdos = own.clone();
-        let Some(slots) = &self.device.slots else { return pdos };
-        let mut placed: Vec<(usize, Pdo)> = Vec::new();
+        let Some(slots) = &self.device.slots else { return own.clone() };
+        let mut placed: Vec<(usize, Pdo)> =
+            own.iter().map(|pdo| (self.device.pdo_group, pdo.clone())).collect();
         for (slot, module) in (1..).zip(&self.modules) {
             let own = if outputs { &module.rx_pdos } else { &module.tx_pdos };
             placed.extend(own.iter().map(|pdo| (module.pdo_group, self.place_pdo(pdo, slot, slots))));
         }
         placed.sort_by_key(|(group, _)| *group);
-        pdos.extend(placed.into_iter().map(|(_, pdo)| pdo));
-        pdos
+        placed.into_iter().map(|(_, pdo)| pdo).collect()
     }
 
     /// The PDOs that are assigned where nobody wishes otherwise, each with its SyncManager, and what is doubtful.
@@ -293,7 +292,15 @@ impl<'a> Assembly<'a> {
         let mut commands = vec![write(0, &[0], "the list of modules is emptied".to_owned())];
         for (slot, module) in (1..=u8::MAX).zip(&self.modules) {
             let ident = module.ident.unwrap_or(0);
-            commands.push(write(slot, &ident.to_le_bytes(), format!("slot {slot}: {}", module.type_name)));
+            commands.push(write(
+                slot,
+                &ident.to_le_bytes(),
+                if module.is_none() {
+                    format!("slot {slot} is empty")
+                } else {
+                    format!("slot {slot}: {}", module.type_name)
+                },
+            ));
         }
         let count = self.modules.len().min(255) as u8;
         commands.push(write(0, &[count], "how many modules there are".to_owned()));

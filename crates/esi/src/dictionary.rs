@@ -109,12 +109,12 @@ pub(crate) fn profile(
     dictionary: &mut Vec<OdObject>,
     notes: &mut Notes,
 ) {
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "ProfileNo" => numbers.extend(child.u32(notes)),
             "Dictionary" => {
                 let mut types = BTreeMap::new();
-                for list in child.children() {
+                for list in child.children(notes) {
                     match list.name() {
                         "DataTypes" => read_types(list, &mut types, notes),
                         "Objects" => read_objects(list, &types, dictionary, notes),
@@ -130,13 +130,13 @@ pub(crate) fn profile(
 }
 
 fn read_types(list: Element, types: &mut BTreeMap<String, Type>, notes: &mut Notes) {
-    for child in list.children() {
+    for child in list.children(notes) {
         if child.name() != "DataType" {
             child.skip(notes);
             continue;
         }
         let (mut name, mut read) = (String::new(), Type::default());
-        for part in child.children() {
+        for part in child.children(notes) {
             match part.name() {
                 "Name" => name = part.text(),
                 "BitSize" => read.bits = part.number(0..=BIT_LIMIT * 16, notes).unwrap_or(0) as u32,
@@ -154,7 +154,7 @@ fn read_types(list: Element, types: &mut BTreeMap<String, Type>, notes: &mut Not
 
 fn array(element: Element, notes: &mut Notes) -> Option<(u8, u8)> {
     let (mut first, mut count) = (0, None);
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "LBound" => first = child.u8(notes).unwrap_or(0),
             "Elements" => count = child.u8(notes),
@@ -166,7 +166,7 @@ fn array(element: Element, notes: &mut Notes) -> Option<(u8, u8)> {
 
 fn item(element: Element, notes: &mut Notes) -> Item {
     let mut item = Item::default();
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "SubIdx" => item.subindex = child.u8(notes),
             "Name" => item.name = short(child.text()),
@@ -191,10 +191,9 @@ fn states_of(text: &str) -> Option<[bool; 3]> {
 
 fn rights(element: Element, notes: &mut Notes) -> ObjectRights {
     let mut rights = ObjectRights { read: true, ..ObjectRights::default() };
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "Access" => {
-                child.attributes(&["WriteRestrictions"], notes);
                 let access = child.text();
                 rights.read = access != "wo";
                 rights.write_in = match child.attribute("WriteRestrictions") {
@@ -230,7 +229,7 @@ fn read_objects(
     notes: &mut Notes,
 ) {
     let mut entries = dictionary.iter().map(|object| object.entries.len()).sum::<usize>();
-    for child in list.children() {
+    for child in list.children(notes) {
         if child.name() != "Object" {
             child.skip(notes);
             continue;
@@ -251,7 +250,7 @@ fn read_objects(
 fn read_object(element: Element, types: &BTreeMap<String, Type>, notes: &mut Notes) -> Option<OdObject> {
     let (mut object, mut kind, mut bits) = (OdObject::default(), String::new(), 0);
     let (mut own, mut default, mut items) = (None, Vec::new(), Vec::new());
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "Index" => object.index = slot_index(child, notes),
             "Name" => object.name = short(child.text()),
@@ -298,15 +297,10 @@ fn read_object(element: Element, types: &BTreeMap<String, Type>, notes: &mut Not
 /// A default value, and those of the subindices in order.
 fn info(element: Element, notes: &mut Notes) -> (Vec<u8>, Vec<Vec<u8>>) {
     let (mut default, mut items) = (Vec::new(), Vec::new());
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "DefaultData" => default = child.bytes(BIT_LIMIT as usize / 8, notes).unwrap_or_default(),
-            "SubItem" => {
-                let value = child.child("Info").and_then(|info| info.child("DefaultData"));
-                items.push(
-                    value.and_then(|value| value.bytes(BIT_LIMIT as usize / 8, notes)).unwrap_or_default(),
-                );
-            }
+            "SubItem" => items.push(sub_item(child, notes)),
             // Decimal text, bounds and units: for tools that show values.
             "DefaultValue" | "DefaultString" | "MinData" | "MaxData" | "MinValue" | "MaxValue" | "Unit" => {
                 child.set_aside(notes);
@@ -315,6 +309,20 @@ fn info(element: Element, notes: &mut Notes) -> (Vec<u8>, Vec<Vec<u8>>) {
         }
     }
     (default, items)
+}
+
+/// The default value of a subindex.
+fn sub_item(element: Element, notes: &mut Notes) -> Vec<u8> {
+    let mut default = Vec::new();
+    for child in element.children(notes) {
+        match child.name() {
+            "Info" => default = info(child, notes).0,
+            // As in the object's type.
+            "Name" => child.set_aside(notes),
+            _ => child.skip(notes),
+        }
+    }
+    default
 }
 
 fn entries(types: &BTreeMap<String, Type>, record: &Type, own: ObjectRights) -> Vec<OdEntry> {

@@ -100,6 +100,31 @@ pub enum Doubt {
         /// Likewise.
         next: u16,
     },
+    /// Fewer modules than a kind of slots asks for.
+    TooFewModules {
+        /// The kind's first slot, from 1, and its last.
+        first: usize,
+        /// Likewise.
+        last: usize,
+        /// So many are to be there.
+        least: usize,
+        /// So many are.
+        found: usize,
+    },
+    /// Data of modules that begin at multiples of so many bytes.
+    Alignment {
+        /// The group of PDOs, from 0.
+        group: usize,
+        /// The bytes.
+        bytes: u8,
+    },
+    /// SyncManagers for mailboxes that aren't one each way.
+    Mailboxes {
+        /// To the device.
+        to: usize,
+        /// From it.
+        from: usize,
+    },
     /// Commands of protocols that aren't spoken here.
     ForeignCommands {
         /// How many.
@@ -175,6 +200,20 @@ impl fmt::Display for Doubt {
             Doubt::NoRoom { sync_manager, is_mailbox: false, bytes, buffers, start, next } => write!(
                 f,
                 "SyncManager {sync_manager} has {bytes} bytes and keeps them {buffers} times from 0x{start:04X} on, but the area of another begins at 0x{next:04X}: the device will refuse that; take fewer modules or PDOs"
+            ),
+            Doubt::TooFewModules { first, last, least, found } => write!(
+                f,
+                "slots {first} to {last} are to have at least {least} modules, {found} are given: the device may stay out of OP; name \
+                 them with --slot"
+            ),
+            Doubt::Alignment { group, bytes } => write!(
+                f,
+                "data of the modules of group {group} begin at multiples of {bytes} bytes (ModulePdoGroup), which isn't done here: \
+                 compare the lengths with those that the device asks for"
+            ),
+            Doubt::Mailboxes { to, from } => write!(
+                f,
+                "{to} SyncManagers are for mailboxes to the device and {from} for those from it: a device with a mailbox has one of each"
             ),
             Doubt::ForeignCommands { count } => {
                 write!(f, "{count} commands of EoE or SoE aren't sent: these protocols aren't spoken here")

@@ -8,7 +8,7 @@ use roxmltree::{Document, ParsingOptions};
 
 use crate::model::{Device, Module, Vendor};
 use crate::notes::Notes;
-use crate::xml::{Element, Lines};
+use crate::xml::{Element, Reading};
 use crate::{bounds, encoding, read, slots, texts};
 
 /// The largest file that is read, bytes. Makers' largest have some 20 MB.
@@ -117,8 +117,8 @@ impl EsiFile {
             roxmltree::Error::NodesLimitReached => EsiError::TooManyNodes,
             error => EsiError::Xml { text: error.to_string().chars().take(300).collect() },
         })?;
-        let lines = Lines::of(&text);
-        let root = Element { node: document.root_element(), lines: &lines };
+        let reading = Reading::of(&document, &text);
+        let root = Element { node: document.root_element(), reading: &reading };
         if !matches!(root.name(), "EtherCATInfo" | "EtherCATModule") {
             let found = crate::xml::quoted(root.name());
             return Err(EsiError::OtherDocument { found });
@@ -130,8 +130,7 @@ impl EsiFile {
 
     fn read_root(&mut self, root: Element) {
         let mut notes = Notes::default();
-        root.attributes(&[], &mut notes);
-        for child in root.children() {
+        for child in root.children(&mut notes) {
             match child.name() {
                 "InfoReference" => self.references.push(child.text()),
                 "Vendor" => self.read_vendor(child, &mut notes),
@@ -150,12 +149,12 @@ impl EsiFile {
         if self.devices.is_empty() && self.modules.is_empty() && self.references.is_empty() {
             root.problem("it has no device, no module and no reference to another file", &mut notes);
         }
+        root.reading.note_unread(root, &mut notes);
         self.notes = notes;
     }
 
     fn read_vendor(&mut self, vendor: Element, notes: &mut Notes) {
-        vendor.attributes(&[], notes);
-        for child in vendor.children() {
+        for child in vendor.children(notes) {
             match child.name() {
                 "Id" => self.vendor.id = child.u32(notes),
                 "Name" => texts::name(child, &mut self.vendor.name, notes),
@@ -166,10 +165,10 @@ impl EsiFile {
 
     fn read_descriptions(&mut self, descriptions: Element, notes: &mut Notes) {
         let mut lines = BTreeMap::new();
-        for child in descriptions.children() {
+        for child in descriptions.children(notes) {
             match child.name() {
                 "Groups" => {
-                    for group in child.children() {
+                    for group in child.children(notes) {
                         match group.name() {
                             "Group" => self.groups.push(read::group(group, notes)),
                             _ => group.skip(notes),
@@ -177,7 +176,7 @@ impl EsiFile {
                     }
                 }
                 "Devices" => {
-                    for device in child.children() {
+                    for device in child.children(notes) {
                         match device.name() {
                             "Device" => {
                                 let read = read::device(device, notes);
@@ -240,8 +239,11 @@ impl EsiFile {
         })
     }
 
-    /// The module of this type for a device: of the device's own list first.
+    /// The module of this type for a device: of the device's own list first. No name is a slot that stays empty.
     pub fn module<'a>(&'a self, device: &'a Device, wanted: &str) -> Option<&'a Module> {
+        if wanted.is_empty() {
+            return Some(Module::none());
+        }
         let own = device.slots.iter().flat_map(|slots| &slots.modules);
         own.chain(&self.modules).find(|module| module.type_name == wanted)
     }

@@ -18,8 +18,6 @@ const VIRTUAL: u16 = 1 << 5;
 /// Enable bits of a SyncManager in the SII.
 const SM_VIRTUAL: u8 = 1 << 2;
 const SM_OP_ONLY: u8 = 1 << 3;
-/// General flag: a switch's number is read at a register.
-const IDENTIFICATION_AT_ADDRESS: u8 = 1 << 4;
 
 /// What stands in the EEPROM of the device, whatever modules are in its slots; `vendor_id` is the file's.
 ///
@@ -162,7 +160,9 @@ fn general(device: &Device, strings: &mut Strings) -> General {
     let flags = [
         (device.start_to_safeop_no_sync, sii::FLAG_SAFE_OP),
         (mailbox.is_some_and(|mailbox| mailbox.data_link_layer), sii::FLAG_MAILBOX_DLL),
-        (device.identification_address.is_some(), IDENTIFICATION_AT_ADDRESS),
+        (device.refuses_lrw, sii::FLAG_NO_LRW),
+        (device.identifies_by_al_status, sii::FLAG_IDENT_AL_STATUS),
+        (device.identification_address.is_some(), sii::FLAG_IDENT_MEMORY),
     ];
     let port = |(number, letter): (usize, char)| {
         let kind = match letter {

@@ -13,13 +13,11 @@ const COMMAND_LIMIT: usize = 4096;
 
 /// A mailbox.
 pub(crate) fn read(element: Element, notes: &mut Notes) -> Mailbox {
-    element.attributes(&["DataLinkLayer"], notes);
     let mut mailbox = Mailbox { data_link_layer: element.is("DataLinkLayer", notes), ..Mailbox::default() };
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "CoE" => mailbox.coe = Some(coe(child, notes)),
             "EoE" => {
-                child.attributes(&[], notes);
                 mailbox.eoe = true;
                 foreign_commands(child, &mut mailbox, notes);
             }
@@ -28,12 +26,11 @@ pub(crate) fn read(element: Element, notes: &mut Notes) -> Mailbox {
                 mailbox.foe = true;
             }
             "SoE" => {
-                child.attributes(&[], notes);
                 mailbox.soe = true;
                 foreign_commands(child, &mut mailbox, notes);
             }
-            "AoE" => mailbox.aoe = true,
-            "VoE" => mailbox.voe = true,
+            "AoE" => mailbox.aoe = child.is_there(),
+            "VoE" => mailbox.voe = child.is_there(),
             _ => child.skip(notes),
         }
     }
@@ -42,7 +39,7 @@ pub(crate) fn read(element: Element, notes: &mut Notes) -> Mailbox {
 
 /// Commands of protocols that nothing here speaks: counted, each with its line.
 fn foreign_commands(protocol: Element, mailbox: &mut Mailbox, notes: &mut Notes) {
-    for child in protocol.children() {
+    for child in protocol.children(notes) {
         if child.name() == "InitCmd" {
             mailbox.foreign_commands += 1;
         }
@@ -51,9 +48,6 @@ fn foreign_commands(protocol: Element, mailbox: &mut Mailbox, notes: &mut Notes)
 }
 
 fn coe(element: Element, notes: &mut Notes) -> Coe {
-    let read =
-        ["SdoInfo", "PdoAssign", "PdoConfig", "PdoUpload", "CompleteAccess", "SegmentedSdo", "DiagHistory"];
-    element.attributes(&read, notes);
     let mut coe = Coe {
         sdo_info: element.is("SdoInfo", notes),
         pdo_assign: element.is("PdoAssign", notes),
@@ -64,7 +58,7 @@ fn coe(element: Element, notes: &mut Notes) -> Coe {
         diagnosis_history: element.is("DiagHistory", notes),
         commands: Vec::new(),
     };
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "InitCmd" if coe.commands.len() == COMMAND_LIMIT => {
                 child.problem(
@@ -83,12 +77,10 @@ fn coe(element: Element, notes: &mut Notes) -> Coe {
 /// A command; `None` where it can't be sent.
 fn command(element: Element, notes: &mut Notes) -> Option<InitCommand> {
     let before = notes.told();
-    element.attributes(&["CompleteAccess"], notes);
-    element.at_most_once(&["Index", "SubIndex", "Data"], notes);
     let complete_access = element.is("CompleteAccess", notes);
     let mut command = InitCommand { line: element.line(), complete_access, ..InitCommand::default() };
     let mut data = None;
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "Transition" => {
                 let transition = child.text();
@@ -105,7 +97,6 @@ fn command(element: Element, notes: &mut Notes) -> Option<InitCommand> {
             "Index" => command.index = slot_index(child, notes),
             "SubIndex" => command.subindex = child.u8(notes).unwrap_or(0),
             "Data" => {
-                child.attributes(&[], notes);
                 data = child.bytes(DATA_LIMIT, notes);
             }
             "Comment" => command.comment = short(child.text()),

@@ -39,6 +39,12 @@ pub struct Device {
     pub ebus_current_ma: Option<i32>,
     /// Register at which the device shows a number set by a switch (explicit identification).
     pub identification_address: Option<u16>,
+    /// It shows such a number in the AL status code (0x0134) where it is asked for.
+    pub identifies_by_al_status: bool,
+    /// It takes LRD and LWR, no LRW (`UseLrdLwr`).
+    pub refuses_lrw: bool,
+    /// The group of slots' PDOs in which its own stand.
+    pub pdo_group: usize,
     /// How long states and mailboxes may take.
     pub timeouts: Timeouts,
     /// The device goes to SAFE-OP without a SYNC event.
@@ -314,14 +320,14 @@ pub struct Slot {
     pub idents: Vec<u32>,
 }
 
-/// A group in which PDOs of modules stand: behind these of the device.
+/// A group of PDOs of a modular device (`ModulePdoGroup`): groups stand in their order, in each the slots in theirs.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct PdoGroup {
-    /// Bytes on which a module's data begin.
+    /// Bytes at whose multiples a module's data begin.
     pub alignment: u8,
-    /// The RxPDO behind which they stand.
+    /// Its first RxPDO.
     pub rx_pdo: Option<u16>,
-    /// The TxPDO behind which they stand.
+    /// Its first TxPDO.
     pub tx_pdo: Option<u16>,
 }
 
@@ -350,6 +356,33 @@ pub struct Module {
     pub dictionary: Vec<OdObject>,
     /// What of it can't be read or contradicts itself.
     pub problems: Vec<Problem>,
+}
+
+/// What stands in a slot that stays empty.
+static EMPTY_SLOT: Module = Module {
+    line: 0,
+    type_name: String::new(),
+    ident: None,
+    class: String::new(),
+    pdo_group: 0,
+    names: Names::NONE,
+    rx_pdos: Vec::new(),
+    tx_pdos: Vec::new(),
+    mailbox: None,
+    dictionary: Vec::new(),
+    problems: Vec::new(),
+};
+
+impl Module {
+    /// The module of a slot that stays empty: its name is empty, its ident 0.
+    pub fn none() -> &'static Module {
+        &EMPTY_SLOT
+    }
+
+    /// Whether it is no module.
+    pub fn is_none(&self) -> bool {
+        self.type_name.is_empty() && self.ident.is_none()
+    }
 }
 
 impl Device {

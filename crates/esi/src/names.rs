@@ -8,6 +8,9 @@ const ENGLISH: u32 = 1033;
 pub struct Names(Vec<(u32, String)>);
 
 impl Names {
+    /// No name.
+    pub(crate) const NONE: Names = Names(Vec::new());
+
     /// Adds a name; `language` is Windows' number of it (1033 English, 1031 German), English where none is given.
     pub(crate) fn push(&mut self, language: Option<u32>, name: String) {
         self.0.push((language.unwrap_or(ENGLISH), name));

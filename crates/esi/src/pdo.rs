@@ -12,7 +12,6 @@ const PDO_LIMIT: usize = 2048;
 
 /// An index that may count up with the slot.
 pub(crate) fn slot_index(element: Element, notes: &mut Notes) -> SlotIndex {
-    element.attributes(&["DependOnSlot", "DependOnSlotGroup"], notes);
     if element.is("DependOnSlotGroup", notes) {
         element.problem(
             "an index that counts up with the group of slots isn't understood: it is taken as it stands",
@@ -36,8 +35,6 @@ pub(crate) fn add(element: Element, pdos: &mut Vec<Pdo>, notes: &mut Notes) {
 
 /// A PDO; `None` where it has no index.
 fn read(element: Element, notes: &mut Notes) -> Option<Pdo> {
-    element.attributes(&["Sm", "Fixed", "Mandatory", "Virtual"], notes);
-    element.at_most_once(&["Index"], notes);
     let sync_manager = element.attribute_number("Sm", 0..=31, notes).map(|number| number as u8);
     let mut pdo = Pdo {
         line: element.line(),
@@ -48,7 +45,7 @@ fn read(element: Element, notes: &mut Notes) -> Option<Pdo> {
         ..Pdo::default()
     };
     let mut has_index = false;
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "Index" => {
                 pdo.index = slot_index(child, notes);
@@ -74,13 +71,11 @@ fn read(element: Element, notes: &mut Notes) -> Option<Pdo> {
 }
 
 fn entry(element: Element, notes: &mut Notes) -> PdoEntry {
-    element.attributes(&[], notes);
     let (mut entry, before) = (PdoEntry::default(), notes.told());
-    element.at_most_once(&["Index", "SubIndex", "BitLen", "DataType"], notes);
     if element.child("Index").is_none() {
         element.problem("the entry has no index; a gap has 0", notes);
     }
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "Index" => entry.index = slot_index(child, notes),
             "SubIndex" => entry.subindex = child.u8(notes).unwrap_or(0),

@@ -13,27 +13,14 @@ const TIME_LIMIT_MS: i64 = 3_600_000;
 const CONFIG_DATA_LIMIT: usize = 256;
 /// Largest EEPROM, bytes: 4 MBit.
 const EEPROM_LIMIT: i64 = 1 << 19;
-/// Elements of times.
-const TIMES: [&str; 6] = [
-    "PreopTimeout",
-    "SafeopOpTimeout",
-    "BackToInitTimeout",
-    "BackToSafeopTimeout",
-    "RequestTimeout",
-    "ResponseTimeout",
-];
-/// Elements of a mode of synchronisation.
-const CLOCKS: [&str; 5] =
-    ["AssignActivate", "CycleTimeSync0", "CycleTimeSync1", "ShiftTimeSync0", "ShiftTimeSync1"];
 /// Registers that a file may want written (ETG.2000, element `ESC`).
 const REGISTERS: [(&str, u16); 5] =
     [("Reg0108", 0x0108), ("Reg0400", 0x0400), ("Reg0410", 0x0410), ("Reg0420", 0x0420), ("Reg0204", 0x0204)];
 
 /// A group: its name in the file, and the English one.
 pub(crate) fn group(element: Element, notes: &mut Notes) -> (String, String) {
-    element.attributes(&[], notes);
     let (mut kind, mut names) = (String::new(), Names::default());
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "Type" => kind = short(child.text()),
             "Name" => name(child, &mut names, notes),
@@ -46,14 +33,12 @@ pub(crate) fn group(element: Element, notes: &mut Notes) -> (String, String) {
 /// A device.
 pub(crate) fn device(element: Element, notes: &mut Notes) -> Device {
     let before = notes.told();
-    element.attributes(&["Physics"], notes);
-    element.at_most_once(&["Type", "Info", "Mailbox", "Dc", "Slots", "ESC", "Eeprom"], notes);
     let mut device = Device {
         line: element.line(),
         ports: short(element.attribute("Physics").unwrap_or_default().to_owned()),
         ..Device::default()
     };
-    for child in element.children() {
+    for child in element.children(notes) {
         part(child, &mut device, notes);
     }
     if device.product_code.is_none() {
@@ -70,7 +55,6 @@ fn part(child: Element, device: &mut Device, notes: &mut Notes) {
     match child.name() {
         "Type" => identity(child, device, notes),
         "HideType" => {
-            child.attributes(&["ProductCode", "RevisionNo"], notes);
             let mut number =
                 |name| child.attribute_number(name, 0..=0xFFFF_FFFF, notes).map(|number| number as u32);
             let (product, revision) = (number("ProductCode"), number("RevisionNo"));
@@ -96,19 +80,20 @@ fn part(child: Element, device: &mut Device, notes: &mut Notes) {
 }
 
 fn identity(element: Element, device: &mut Device, notes: &mut Notes) {
-    element.attributes(&["ProductCode", "RevisionNo", "ModulePdoGroup"], notes);
     device.type_name = short(element.text());
     let mut number =
         |name| element.attribute_number(name, 0..=0xFFFF_FFFF, notes).map(|number| number as u32);
     device.product_code = number("ProductCode");
     device.revision = number("RevisionNo");
+    device.pdo_group = number("ModulePdoGroup").unwrap_or(0) as usize;
+    device.refuses_lrw = element.is("UseLrdLwr", notes);
 }
 
 fn info(element: Element, device: &mut Device, notes: &mut Notes) {
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "Electrical" => {
-                for value in child.children() {
+                for value in child.children(notes) {
                     match value.name() {
                         "EBusCurrent" => {
                             let current = value.number(-100_000..=100_000, notes);
@@ -120,6 +105,7 @@ fn info(element: Element, device: &mut Device, notes: &mut Notes) {
             }
             "StateMachine" => state_machine(child, device, notes),
             "Mailbox" => timeouts(child, &mut device.timeouts, notes),
+            "IdentificationReg134" => device.identifies_by_al_status = child.yes(notes),
             "IdentificationAdo" => device.identification_address = child.u16(notes),
             // Kinds and labels of ports; what they are electrically stands in `Physics`.
             "Port" => child.set_aside(notes),
@@ -129,11 +115,10 @@ fn info(element: Element, device: &mut Device, notes: &mut Notes) {
 }
 
 fn state_machine(element: Element, device: &mut Device, notes: &mut Notes) {
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "Timeout" => timeouts_of(child, &mut device.timeouts, notes),
             "Behavior" => {
-                child.attributes(&["StartToSafeopNoSync"], notes);
                 device.start_to_safeop_no_sync = child.is("StartToSafeopNoSync", notes);
             }
             _ => child.skip(notes),
@@ -142,7 +127,7 @@ fn state_machine(element: Element, device: &mut Device, notes: &mut Notes) {
 }
 
 fn timeouts(element: Element, times: &mut Timeouts, notes: &mut Notes) {
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "Timeout" => timeouts_of(child, times, notes),
             _ => child.skip(notes),
@@ -151,8 +136,7 @@ fn timeouts(element: Element, times: &mut Timeouts, notes: &mut Notes) {
 }
 
 fn timeouts_of(element: Element, times: &mut Timeouts, notes: &mut Notes) {
-    element.at_most_once(&TIMES, notes);
-    for child in element.children() {
+    for child in element.children(notes) {
         let place = match child.name() {
             "PreopTimeout" => &mut times.pre_op_ms,
             "SafeopOpTimeout" => &mut times.safe_op_op_ms,
@@ -170,7 +154,6 @@ fn timeouts_of(element: Element, times: &mut Timeouts, notes: &mut Notes) {
 }
 
 fn fmmu(element: Element, notes: &mut Notes) -> FmmuUse {
-    element.attributes(&[], notes);
     match element.text().as_str() {
         "Outputs" => FmmuUse::Outputs,
         "Inputs" => FmmuUse::Inputs,
@@ -185,8 +168,6 @@ fn fmmu(element: Element, notes: &mut Notes) -> FmmuUse {
 }
 
 fn sync_manager(element: Element, notes: &mut Notes) -> SyncManager {
-    let read = ["StartAddress", "DefaultSize", "ControlByte", "Enable", "Virtual", "OpOnly"];
-    element.attributes(&read, notes);
     if element.attribute("StartAddress").is_none() {
         element.problem("the SyncManager has no StartAddress", notes);
     }
@@ -231,15 +212,13 @@ fn sync_manager(element: Element, notes: &mut Notes) -> SyncManager {
 }
 
 fn clocks(element: Element, device: &mut Device, notes: &mut Notes) {
-    element.attributes(&[], notes);
-    for mode in element.children() {
+    for mode in element.children(notes) {
         if mode.name() != "OpMode" {
             mode.skip(notes);
             continue;
         }
         let (mut read, before) = (model::DcMode::default(), notes.told());
-        mode.at_most_once(&CLOCKS, notes);
-        for child in mode.children() {
+        for child in mode.children(notes) {
             match child.name() {
                 "Name" => read.name = short(child.text()),
                 "Desc" => name(child, &mut read.description, notes),
@@ -257,18 +236,16 @@ fn clocks(element: Element, device: &mut Device, notes: &mut Notes) {
 }
 
 fn cycle(element: Element, times: &mut SyncTimes, notes: &mut Notes) {
-    element.attributes(&["Factor"], notes);
     times.cycle_ns = element.number(0..=0xFFFF_FFFF, notes).unwrap_or(0);
     times.factor = element.attribute_number("Factor", -0x8000..=0x7FFF, notes).map(|factor| factor as i32);
 }
 
 fn shift(element: Element, times: &mut SyncTimes, notes: &mut Notes) {
-    element.attributes(&[], notes);
     times.shift_ns = element.number(-0x7FFF_FFFF..=0x7FFF_FFFF, notes).unwrap_or(0);
 }
 
 fn registers(element: Element, device: &mut Device, notes: &mut Notes) {
-    for child in element.children() {
+    for child in element.children(notes) {
         match REGISTERS.iter().find(|(name, _)| *name == child.name()) {
             Some((_, register)) => device.registers.extend(child.u32(notes).map(|value| (*register, value))),
             None => child.skip(notes),
@@ -278,8 +255,7 @@ fn registers(element: Element, device: &mut Device, notes: &mut Notes) {
 
 fn eeprom(element: Element, notes: &mut Notes) -> Eeprom {
     let mut eeprom = Eeprom::default();
-    element.at_most_once(&["ByteSize", "ConfigData", "BootStrap"], notes);
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "ByteSize" => eeprom.byte_size = child.number(0..=EEPROM_LIMIT, notes).unwrap_or(0) as u32,
             "ConfigData" => eeprom.config_data = child.bytes(CONFIG_DATA_LIMIT, notes).unwrap_or_default(),

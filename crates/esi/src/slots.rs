@@ -1,5 +1,7 @@
 //! Slots and modules.
 
+use std::collections::BTreeMap;
+
 use crate::model::{Module, PdoGroup, Slot, Slots};
 use crate::notes::Notes;
 use crate::texts::{name, short};
@@ -11,23 +13,20 @@ const SLOT_LIMIT: i64 = 4096;
 
 /// The slots of a device.
 pub(crate) fn read(element: Element, notes: &mut Notes) -> Slots {
-    let read = ["DownloadModuleIdentList", "DownloadModuleList", "SlotIndexIncrement", "SlotPdoIncrement"];
-    element.attributes(&read, notes);
     let mut increment =
         |name| element.attribute_number_or(name, 0, 0..=0x1000, notes).map(|number| number as u16);
     let (index_increment, pdo_increment) = (increment("SlotIndexIncrement"), increment("SlotPdoIncrement"));
     let mut slots = Slots {
         download_idents: element.is("DownloadModuleIdentList", notes)
-            || element.is("DownloadModuleList", notes),
+            | element.is("DownloadModuleList", notes),
         index_increment,
         pdo_increment,
         ..Slots::default()
     };
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "Slot" => slots.slots.push(slot(child, notes)),
             "ModulePdoGroup" => {
-                child.attributes(&["Alignment", "RxPdo", "TxPdo"], notes);
                 let mut number = |name, most| child.attribute_number(name, 0..=most, notes);
                 slots.groups.push(PdoGroup {
                     alignment: number("Alignment", 255).unwrap_or(1) as u8,
@@ -43,7 +42,6 @@ pub(crate) fn read(element: Element, notes: &mut Notes) -> Slots {
 }
 
 fn slot(element: Element, notes: &mut Notes) -> Slot {
-    element.attributes(&["MinInstances", "MaxInstances"], notes);
     let mut number = |name, absent| {
         element.attribute_number_or(name, absent, 0..=SLOT_LIMIT, notes).map(|number| number as u32)
     };
@@ -57,12 +55,11 @@ fn slot(element: Element, notes: &mut Notes) -> Slot {
         element.problem(text, notes);
     }
     let mut slot = Slot { least, most, ..Slot::default() };
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "Name" => name(child, &mut slot.name, notes),
             "ModuleClass" => {
-                child.attributes(&[], notes);
-                for part in child.children() {
+                for part in child.children(notes) {
                     match part.name() {
                         "Class" => slot.classes.push(short(part.text())),
                         "Name" => part.set_aside(notes),
@@ -71,7 +68,6 @@ fn slot(element: Element, notes: &mut Notes) -> Slot {
                 }
             }
             "ModuleIdent" => {
-                child.attributes(&[], notes);
                 slot.idents.extend(child.u32(notes));
             }
             _ => child.skip(notes),
@@ -82,26 +78,32 @@ fn slot(element: Element, notes: &mut Notes) -> Slot {
 
 /// The modules of a list.
 pub(crate) fn modules(element: Element, notes: &mut Notes) -> Vec<Module> {
-    let mut modules = Vec::new();
-    for child in element.children() {
-        match child.name() {
-            "Module" => modules.push(module(child, notes)),
-            _ => child.skip(notes),
+    let (mut modules, mut lines) = (Vec::new(), BTreeMap::new());
+    for child in element.children(notes) {
+        if child.name() != "Module" {
+            child.skip(notes);
+            continue;
         }
+        let read = module(child, notes);
+        let line = *lines.entry(read.ident).or_insert(read.line);
+        if line != read.line && read.ident.is_some() {
+            child.problem(
+                format!("its ModuleIdent is that of the module of line {line}, which is meant by it"),
+                notes,
+            );
+        }
+        modules.push(read);
     }
     modules
 }
 
 fn module(element: Element, notes: &mut Notes) -> Module {
     let before = notes.told();
-    element.attributes(&[], notes);
-    element.at_most_once(&["Type", "Mailbox"], notes);
     let mut module = Module { line: element.line(), ..Module::default() };
     let mut profiles = Vec::new();
-    for child in element.children() {
+    for child in element.children(notes) {
         match child.name() {
             "Type" => {
-                child.attributes(&["ModuleIdent", "ModuleClass", "ModulePdoGroup"], notes);
                 module.type_name = short(child.text());
                 let mut number = |name, most| child.attribute_number(name, 0..=most, notes);
                 module.ident = number("ModuleIdent", 0xFFFF_FFFF).map(|ident| ident as u32);

@@ -14,7 +14,6 @@ pub(crate) fn short(text: String) -> String {
 
 /// Adds a name in its language.
 pub(crate) fn name(element: Element, names: &mut Names, notes: &mut Notes) {
-    element.attributes(&["LcId"], notes);
     let language = element.attribute_number("LcId", 0..=0xFFFF, notes);
     names.push(language.map(|number| number as u32), short(element.text()));
 }

@@ -1,6 +1,8 @@
-//! Elements of a document, read one by one: whatever nobody asks for is noted.
+//! Elements of a document, read one by one: whatever nobody asks for is noted in the end.
 
-use roxmltree::Node;
+use std::cell::{Cell, RefCell};
+
+use roxmltree::{Document, Node};
 
 use crate::notes::{Notes, Problem, Why};
 
@@ -63,6 +65,62 @@ const UNUSED: [&str; 56] = [
     "TcSmClass",
     "TcCfgModeSafeOp",
 ];
+/// Elements that an element has once at most, but in a list of them (`DataType` in `DataTypes`).
+const SINGLE: [&str; 53] = [
+    "Vendor",
+    "Id",
+    "Descriptions",
+    "Groups",
+    "Devices",
+    "Type",
+    "Info",
+    "Mailbox",
+    "Dc",
+    "Slots",
+    "ESC",
+    "Eeprom",
+    "Index",
+    "SubIndex",
+    "SubIdx",
+    "BitLen",
+    "BitSize",
+    "DataType",
+    "BaseType",
+    "Data",
+    "CoE",
+    "EoE",
+    "FoE",
+    "SoE",
+    "AoE",
+    "VoE",
+    "Electrical",
+    "EBusCurrent",
+    "StateMachine",
+    "Behavior",
+    "Timeout",
+    "IdentificationAdo",
+    "IdentificationReg134",
+    "PreopTimeout",
+    "SafeopOpTimeout",
+    "BackToInitTimeout",
+    "BackToSafeopTimeout",
+    "RequestTimeout",
+    "ResponseTimeout",
+    "AssignActivate",
+    "CycleTimeSync0",
+    "CycleTimeSync1",
+    "ShiftTimeSync0",
+    "ShiftTimeSync1",
+    "ByteSize",
+    "ConfigData",
+    "BootStrap",
+    "Dictionary",
+    "DataTypes",
+    "Objects",
+    "Flags",
+    "Access",
+    "DefaultData",
+];
 /// Longest path that is written out, characters.
 const PATH_LIMIT: usize = 400;
 /// Longest text that is quoted, characters.
@@ -84,13 +142,79 @@ impl Lines {
     }
 }
 
+/// How far a document was read.
+pub(crate) struct Reading {
+    lines: Lines,
+    nodes: RefCell<Vec<Seen>>,
+}
+
+/// What was read of one node.
+#[derive(Clone, Copy, Default)]
+struct Seen {
+    /// Its text, its elements or one of its attributes was asked for.
+    is_read: bool,
+    /// It is noted with all in it.
+    is_noted: bool,
+    /// Attributes that were asked for: bit n for the n-th, of the first 32.
+    attributes: u32,
+}
+
+impl Reading {
+    /// Nothing was read yet of a document and its text.
+    pub fn of(document: &Document<'_>, text: &str) -> Self {
+        let nodes = document.descendants().count();
+        Reading { lines: Lines::of(text), nodes: RefCell::new(vec![Seen::default(); nodes]) }
+    }
+
+    fn mark(&self, node: Node, mark: impl FnOnce(&mut Seen)) {
+        if let Some(seen) = self.nodes.borrow_mut().get_mut(node.id().get_usize()) {
+            mark(seen);
+        }
+    }
+
+    fn seen(&self, node: Node) -> Seen {
+        self.nodes.borrow().get(node.id().get_usize()).copied().unwrap_or_default()
+    }
+
+    /// Notes every element and attribute below `root` that nobody asked for.
+    pub fn note_unread(&self, root: Element, notes: &mut Notes) {
+        let noted_until = Cell::new(0);
+        let elements = root.node.descendants().filter(Node::is_element);
+        for node in elements.filter(|node| node.range().start >= noted_until.get()) {
+            let (seen, element) = (self.seen(node), Element { node, reading: self });
+            if !seen.is_read && !seen.is_noted {
+                element.skip(notes);
+            }
+            if !seen.is_read || seen.is_noted {
+                noted_until.set(node.range().end);
+                continue;
+            }
+            let unread = node.attributes().enumerate().filter(|(at, _)| seen.attributes & bit(*at) == 0);
+            for (_, attribute) in unread {
+                let path = format!("{}/@{}", element.path(), attribute.name());
+                notes.skip(why(attribute.name()), path, || element.line());
+            }
+        }
+    }
+}
+
+/// The bit of the n-th attribute.
+fn bit(at: usize) -> u32 {
+    1u32.checked_shl(at as u32).unwrap_or(0)
+}
+
+/// Why an element or attribute of this name isn't read.
+fn why(name: &str) -> Why {
+    if UNUSED.contains(&name) { Why::Unused } else { Why::Unknown }
+}
+
 /// An element of a document.
 #[derive(Clone, Copy)]
 pub(crate) struct Element<'a, 'input> {
     /// The element.
     pub node: Node<'a, 'input>,
-    /// The document's lines.
-    pub lines: &'a Lines,
+    /// How far its document was read.
+    pub reading: &'a Reading,
 }
 
 impl<'a, 'input> Element<'a, 'input> {
@@ -101,7 +225,7 @@ impl<'a, 'input> Element<'a, 'input> {
 
     /// Its line, from 1.
     pub fn line(self) -> u32 {
-        self.lines.at(self.node.range().start)
+        self.reading.lines.at(self.node.range().start)
     }
 
     pub fn path(self) -> String {
@@ -111,19 +235,40 @@ impl<'a, 'input> Element<'a, 'input> {
         names.join("/").chars().take(PATH_LIMIT).collect()
     }
 
-    /// The elements in it.
-    pub fn children(self) -> impl Iterator<Item = Element<'a, 'input>> {
-        let lines = self.lines;
-        self.node.children().filter(Node::is_element).map(move |node| Element { node, lines })
+    /// Notes that it says all that it has to say by being there.
+    pub fn is_there(self) -> bool {
+        self.reading.mark(self.node, |seen| seen.is_read = true);
+        true
+    }
+
+    fn elements(self) -> impl Iterator<Item = Element<'a, 'input>> {
+        let reading = self.reading;
+        self.node.children().filter(Node::is_element).map(move |node| Element { node, reading })
+    }
+
+    /// The elements in it; what stands there more than once and mustn't is noted.
+    pub fn children(self, notes: &mut Notes) -> impl Iterator<Item = Element<'a, 'input>> + use<'a, 'input> {
+        self.is_there();
+        let mut seen = Vec::new();
+        for child in self.elements().filter(|child| SINGLE.contains(&child.name())) {
+            let name = child.name();
+            if seen.contains(&name) && self.name().strip_suffix('s') != Some(name) {
+                child.problem("it stands there more than once: nobody knows which is meant", notes);
+            }
+            seen.push(name);
+        }
+        self.elements()
     }
 
     /// The first element in it of this name.
     pub fn child(self, name: &str) -> Option<Element<'a, 'input>> {
-        self.children().find(|child| child.name() == name)
+        self.is_there();
+        self.elements().find(|child| child.name() == name)
     }
 
     /// Its text without white space at the ends.
     pub fn text(self) -> String {
+        self.is_there();
         let parts: Vec<&str> =
             self.node.children().filter(Node::is_text).filter_map(|text| text.text()).collect();
         parts.concat().trim().to_owned()
@@ -131,31 +276,33 @@ impl<'a, 'input> Element<'a, 'input> {
 
     /// An attribute of it as text.
     pub fn attribute(self, name: &str) -> Option<&'a str> {
-        self.node.attributes().find(|attribute| attribute.name() == name).map(|attribute| attribute.value())
+        let found = self.node.attributes().enumerate().find(|(_, attribute)| attribute.name() == name);
+        self.reading.mark(self.node, |seen| {
+            seen.is_read = true;
+            seen.attributes |= found.map_or(0, |(at, _)| bit(at));
+        });
+        found.map(|(_, attribute)| attribute.value())
     }
 
     /// Notes that nobody here reads it.
     pub fn skip(self, notes: &mut Notes) {
-        let why = if UNUSED.contains(&self.name()) { Why::Unused } else { Why::Unknown };
+        self.note(why(self.name()), notes);
+    }
+
+    fn note(self, why: Why, notes: &mut Notes) {
+        self.reading.mark(self.node, |seen| seen.is_noted = true);
         notes.skip(why, self.path(), || self.line());
     }
 
     /// Notes that the standard knows it and nothing here needs it.
     pub fn set_aside(self, notes: &mut Notes) {
-        notes.skip(Why::Unused, self.path(), || self.line());
+        self.note(Why::Unused, notes);
     }
 
     /// Notes the same of every element in it.
     pub fn set_aside_children(self, notes: &mut Notes) {
-        self.children().for_each(|child| child.set_aside(notes));
-    }
-
-    /// Notes every attribute but those that are read.
-    pub fn attributes(self, read: &[&str], notes: &mut Notes) {
-        for attribute in self.node.attributes().filter(|attribute| !read.contains(&attribute.name())) {
-            let why = if UNUSED.contains(&attribute.name()) { Why::Unused } else { Why::Unknown };
-            notes.skip(why, format!("{}/@{}", self.path(), attribute.name()), || self.line());
-        }
+        self.is_there();
+        self.elements().for_each(|child| child.set_aside(notes));
     }
 
     /// Notes something wrong with it.
@@ -187,19 +334,6 @@ impl<'a, 'input> Element<'a, 'input> {
         notes: &mut Notes,
     ) -> Option<i64> {
         self.attribute(name).map_or(Some(absent), |text| self.number_of(text, name, limits, notes))
-    }
-
-    /// Notes children of these names that stand there more than once: one of them is wrong.
-    pub fn at_most_once(self, names: &[&str], notes: &mut Notes) {
-        let mut seen = Vec::new();
-        for child in self.children() {
-            let name = child.name();
-            if seen.contains(&name) {
-                child.problem("it stands there more than once: nobody knows which is meant", notes);
-            } else if names.contains(&name) {
-                seen.push(name);
-            }
-        }
     }
 
     fn number_of(
@@ -236,12 +370,21 @@ impl<'a, 'input> Element<'a, 'input> {
 
     /// An attribute as yes or no; no where it isn't there.
     pub fn is(self, attribute: &str, notes: &mut Notes) -> bool {
-        match self.attribute(attribute).map(str::trim) {
-            None | Some("0" | "false") => false,
-            Some("1" | "true") => true,
-            Some(other) => {
-                let text =
-                    format!("attribute {attribute}: expected 0, 1, true or false, found {}", quoted(other));
+        let text = self.attribute(attribute);
+        text.is_some_and(|text| self.yes_or_no(text, &format!("attribute {attribute}: "), notes))
+    }
+
+    /// Its text as yes or no.
+    pub fn yes(self, notes: &mut Notes) -> bool {
+        self.yes_or_no(&self.text(), "", notes)
+    }
+
+    fn yes_or_no(self, text: &str, of: &str, notes: &mut Notes) -> bool {
+        match text.trim() {
+            "0" | "false" => false,
+            "1" | "true" => true,
+            other => {
+                let text = format!("{of}expected 0, 1, true or false, found {}", quoted(other));
                 self.problem(text, notes);
                 false
             }

@@ -22,6 +22,9 @@ impl Assembly<'_> {
             doubts.push(Doubt::ForeignCommands { count });
         }
         doubts.extend(self.same_indices());
+        doubts.extend(self.too_few_modules());
+        doubts.extend(self.alignments());
+        doubts.extend(self.unpaired_mailboxes());
         let says = self.device.eeprom.as_ref().map_or(0, |eeprom| eeprom.byte_size);
         let needs = image::content_bytes(self.device);
         if says != 0 && needs > says as usize {
@@ -94,6 +97,42 @@ impl Assembly<'_> {
             is_beyond.then_some(doubt)
         };
         (0..).zip(managers).filter_map(beyond).collect()
+    }
+
+    /// Kinds of slots that have fewer modules than their file asks for.
+    fn too_few_modules(&self) -> Vec<Doubt> {
+        let Some(slots) = &self.device.slots else { return Vec::new() };
+        let (mut doubts, mut before) = (Vec::new(), 0);
+        for kind in &slots.slots {
+            let (least, most) = (kind.least.unwrap_or(0) as usize, kind.most.unwrap_or(0) as usize);
+            let own = self.modules.iter().skip(before).take(most);
+            let found = own.filter(|module| !module.is_none()).count();
+            if found < least && least <= most {
+                let [first, last] = [before + 1, before + most];
+                doubts.push(Doubt::TooFewModules { first, last, least, found });
+            }
+            before += most;
+        }
+        doubts
+    }
+
+    /// Groups whose modules' data would begin elsewhere than behind each other.
+    fn alignments(&self) -> Vec<Doubt> {
+        let groups = self.device.slots.iter().flat_map(|slots| &slots.groups).enumerate();
+        let is_used = |group: usize| {
+            let modules = self.modules.iter().filter(|module| module.pdo_group == group);
+            modules.flat_map(|module| module.rx_pdos.iter().chain(&module.tx_pdos)).next().is_some()
+        };
+        let aligned = groups.filter(|(group, one)| one.alignment > 1 && is_used(*group));
+        aligned.map(|(group, one)| Doubt::Alignment { group, bytes: one.alignment }).collect()
+    }
+
+    /// Mailboxes without their counterpart.
+    fn unpaired_mailboxes(&self) -> Option<Doubt> {
+        let count = |usage| self.device.sync_managers.iter().filter(|one| one.usage == usage).count();
+        let [to, from] = [SmUse::MailboxOut, SmUse::MailboxIn].map(count);
+        let is_right = [(0, 0), (1, 1)].contains(&(to, from));
+        (!is_right).then_some(Doubt::Mailboxes { to, from })
     }
 
     /// Slots whose modules' PDOs or mapped objects have the same indices: each pair of slots once.

@@ -1,7 +1,8 @@
 //! What contradicts itself in a file, lacks, or can't be read.
 
 use omnibase_esi::model::SmUse;
-use omnibase_esi::{Assembly, AssemblyError, Doubt, EsiFile};
+use omnibase_esi::{Assembly, AssemblyError, Doubt, EsiFile, image};
+use omnibase_ethercat_wire::sii;
 
 use super::MADE_UP;
 
@@ -317,4 +318,83 @@ fn an_eeprom_that_is_too_small_is_told() {
     assert!(
         told(64)[0].starts_with("its file says that the EEPROM has 64 bytes, and what belongs into it takes")
     );
+}
+
+/// Whose values these are, two of which stand there, or something in the midst of them, is told wherever it is.
+#[test]
+fn nothing_is_dropped_in_silence() {
+    let unread = |text: &str| {
+        let notes = with_device(text).notes;
+        notes.unread().map(|one| one.path.rsplit_once("Device/").unwrap().1.to_owned()).collect::<Vec<_>>()
+    };
+    let entry = |text: &str| format!("<RxPdo Sm=\"0\"><Index>#x1600</Index><Entry>{text}</Entry></RxPdo>");
+    for (text, told) in [
+        (entry("<Index>#x7000</Index><BitLen>3<Qux/>2</BitLen>"), "RxPdo/Entry/BitLen/Qux"),
+        (entry("<Index>#x7000<Bar>7</Bar></Index><BitLen>8</BitLen>"), "RxPdo/Entry/Index/Bar"),
+        (
+            entry("<Index>#x7000</Index><SubIndex Baz=\"1\">1</SubIndex><BitLen>8</BitLen>"),
+            "RxPdo/Entry/SubIndex/@Baz",
+        ),
+        ("<Eeprom AssignToPdi=\"1\"><ByteSize>2048</ByteSize></Eeprom>".to_owned(), "Eeprom/@AssignToPdi"),
+    ] {
+        assert_eq!(unread(&text), [told], "{text}");
+    }
+    let twice = "it stands there more than once: nobody knows which is meant";
+    for text in [
+        "<Mailbox><CoE SdoInfo=\"1\"/><CoE/></Mailbox>",
+        "<Info><StateMachine/><StateMachine/></Info>",
+        "<Dc><OpMode><AssignActivate>1</AssignActivate><AssignActivate>2</AssignActivate></OpMode></Dc>",
+    ] {
+        let told = doubts(&with_device(text));
+        assert!(told.len() == 1 && told[0].ends_with(twice), "{text}: {told:?}");
+    }
+    let vendors = MADE_UP.replacen("<Vendor>", "<Vendor><Id>7</Id></Vendor><Vendor>", 1);
+    assert!(EsiFile::parse(vendors.as_bytes()).unwrap().notes.problems[0].text.ends_with(twice));
+    let modules = MADE_UP.replacen("#x00000201", "#x00000101", 1);
+    let told = EsiFile::parse(modules.as_bytes()).unwrap().notes.problems;
+    assert!(told[0].text.starts_with("its ModuleIdent is that of the module of line "), "{told:?}");
+    let one_mailbox = "<Sm StartAddress=\"#x1800\" ControlByte=\"#x22\">MBoxIn</Sm>";
+    assert!(
+        doubts(&with_device(one_mailbox))[0]
+            .starts_with("0 SyncManagers are for mailboxes to the device and 1 for")
+    );
+}
+
+/// Slots may stay empty, may have to be filled, and may have their data begin elsewhere than behind each other.
+#[test]
+fn slots_stay_empty_and_those_that_must_be_filled_are_told() {
+    let file =
+        EsiFile::parse(MADE_UP.replace("MinInstances=\"0\"", "MinInstances=\"2\"").as_bytes()).unwrap();
+    let (coupler, all) = (&file.devices[2], &file.modules);
+    assert_ne!(coupler.slots.as_ref().unwrap().slots[0].least, Some(0));
+    let with = |modules| Assembly::new(coupler, modules).unwrap();
+    let empty = file.module(coupler, "").unwrap();
+    let few =
+        |assembly: &Assembly| assembly.doubts().iter().any(|one| matches!(one, Doubt::TooFewModules { .. }));
+    assert!(
+        few(&with(vec![])) && few(&with(vec![&all[0], empty])) && !few(&with(vec![&all[0], empty, &all[1]]))
+    );
+    // What stands behind an empty slot counts up with its own.
+    let (behind, filled) = (with(vec![empty, &all[1]]), with(vec![&all[0], &all[1]]));
+    let last = |assembly: &Assembly| assembly.pdos(true).last().map(|pdo| pdo.index.index);
+    assert_eq!(last(&behind), last(&filled));
+    let told: Vec<_> = behind.commands().iter().map(|one| one.command.data.clone()).collect();
+    assert_eq!(told[1], [0; 4], "{told:?}");
+    let aligned = MADE_UP.replace("Alignment=\"1\"", "Alignment=\"2\"");
+    let file = EsiFile::parse(aligned.as_bytes()).unwrap();
+    let assembly = Assembly::new(&file.devices[2], vec![&file.modules[0]]).unwrap();
+    assert!(assembly.doubts().iter().any(|one| matches!(one, Doubt::Alignment { bytes: 2, .. })));
+}
+
+/// How it is found by a switch, and that it refuses LRW, stand in its EEPROM.
+#[test]
+fn identification_and_refused_commands_stand_in_the_eeprom() {
+    let text = MADE_UP.replacen("<Type ProductCode", "<Type UseLrdLwr=\"1\" ProductCode", 1);
+    let text = text.replacen("<Info>", "<Info><IdentificationReg134>true</IdentificationReg134>", 1);
+    let file = EsiFile::parse(text.as_bytes()).unwrap();
+    let device = file.devices.iter().find(|one| one.identifies_by_al_status).unwrap();
+    assert!(file.devices[0].refuses_lrw && file.notes.problems.is_empty(), "{:?}", file.notes.problems);
+    let flags = |device| image::eeprom(device, 1).general.unwrap().flags;
+    assert_eq!(flags(device) & sii::FLAG_IDENT_AL_STATUS, sii::FLAG_IDENT_AL_STATUS);
+    assert_eq!(flags(&file.devices[0]) & sii::FLAG_NO_LRW, sii::FLAG_NO_LRW);
 }

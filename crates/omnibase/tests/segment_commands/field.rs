@@ -5,7 +5,7 @@ use omnibase_ethercat_wire::sii;
 use omnibase_host::Namespace;
 use std::io::{BufRead, BufReader};
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 
 fn checksum_is_right(path: &Path) -> bool {
     let image = std::fs::read(path).unwrap();

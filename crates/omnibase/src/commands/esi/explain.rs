@@ -182,6 +182,29 @@ pub fn device(file: &EsiFile, assembly: &Assembly, output: &mut dyn Write) -> io
         words.retain(|word| !word.is_empty());
         writeln!(output, "mailbox        {}", words.join(", "))?;
     }
+    let times = &device.timeouts;
+    let times = [
+        ("INIT", times.back_to_init_ms),
+        ("PRE-OP", times.pre_op_ms),
+        ("SAFE-OP and OP", times.safe_op_op_ms),
+        ("back to SAFE-OP", times.back_to_safe_op_ms),
+        ("mailbox takes a request", times.request_ms),
+        ("and answers", times.response_ms),
+    ];
+    let times: Vec<String> =
+        times.iter().filter_map(|(name, time)| time.map(|time| format!("{name} {time} ms"))).collect();
+    if !times.is_empty() {
+        writeln!(output, "takes at most  {}", times.join(", "))?;
+    }
+    if let Some(register) = device.identification_address {
+        writeln!(output, "identification register 0x{register:04x}")?;
+    }
+    if device.identifies_by_al_status {
+        writeln!(output, "identification on request (0x0134)")?;
+    }
+    if device.refuses_lrw {
+        writeln!(output, "commands       LRD and LWR, no LRW")?;
+    }
     for mode in &device.dc_modes {
         writeln!(output, "clocks         {}", synchronisation(mode))?;
     }
@@ -205,8 +228,12 @@ pub fn device(file: &EsiFile, assembly: &Assembly, output: &mut dyn Write) -> io
         )?;
     }
     for (slot, module) in (1..).zip(&assembly.modules) {
-        let ident = number(module.ident);
-        writeln!(output, "slot {slot:<9} {} (ident {ident}), {}", module.type_name, module.names)?;
+        if module.is_none() {
+            writeln!(output, "slot {slot:<9} empty")?;
+        } else {
+            let ident = number(module.ident);
+            writeln!(output, "slot {slot:<9} {} (ident {ident}), {}", module.type_name, module.names)?;
+        }
     }
     pdos(assembly, output)?;
     for command in assembly.commands() {

@@ -95,6 +95,15 @@ fn hints(device: &Device, table: &mut RobotTable) {
             "A switch sets its number: register 0x{address:04X} (explicit identification)."
         ));
     }
+    if device.identifies_by_al_status {
+        table.comment(
+            "A switch sets its number (explicit identification, 0x0134): `identification = …` in place of `position` finds it \
+             wherever it is plugged in.",
+        );
+    }
+    if device.refuses_lrw {
+        table.comment("It takes LRD and LWR, no LRW (UseLrdLwr); so says its EEPROM, too.");
+    }
     let mailbox = device.mailbox.clone().unwrap_or_default();
     for (_, name) in [(mailbox.soe, "SoE"), (mailbox.eoe, "EoE")].iter().filter(|(there, _)| *there) {
         table.comment(&format!(
