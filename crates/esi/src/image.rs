@@ -10,15 +10,6 @@ use crate::Assembly;
 use crate::dictionary::type_code;
 use crate::model::{Device, FmmuUse, Mailbox, Pdo, SmUse};
 
-/// PDO flags of the SII.
-const MANDATORY: u16 = 1 << 0;
-const DEFAULT: u16 = 1 << 1;
-const FIXED: u16 = 1 << 4;
-const VIRTUAL: u16 = 1 << 5;
-/// Enable bits of a SyncManager in the SII.
-const SM_VIRTUAL: u8 = 1 << 2;
-const SM_OP_ONLY: u8 = 1 << 3;
-
 /// What stands in the EEPROM of the device, whatever modules are in its slots; `vendor_id` is the file's.
 ///
 /// A number that can't be read ([`Device::problems`]) is 0 here: no image for an EEPROM.
@@ -232,7 +223,8 @@ fn sync_manager(
         SmUse::Inputs => (SyncManagerUsage::Inputs, bytes(tx_pdos)),
         SmUse::Unused => (SyncManagerUsage::Unused, size),
     };
-    let flags = [(one.enabled, sii::SM_ENABLE), (one.is_virtual, SM_VIRTUAL), (one.op_only, SM_OP_ONLY)];
+    let flags =
+        [(one.enabled, sii::SM_ENABLE), (one.is_virtual, sii::SM_VIRTUAL), (one.op_only, sii::SM_OP_ONLY)];
     sii::SyncManager {
         start: one.start.unwrap_or(0),
         length,
@@ -245,10 +237,10 @@ fn sync_manager(
 
 fn sii_pdo(pdo: &Pdo, default: Option<u8>, strings: &mut Strings) -> sii::Pdo {
     let flags = [
-        (pdo.mandatory, MANDATORY),
-        (default.is_some(), DEFAULT),
-        (pdo.fixed, FIXED),
-        (pdo.is_virtual, VIRTUAL),
+        (pdo.mandatory, sii::PDO_MANDATORY),
+        (default.is_some(), sii::PDO_DEFAULT),
+        (pdo.fixed, sii::PDO_FIXED),
+        (pdo.is_virtual, sii::PDO_VIRTUAL),
     ];
     let entries = pdo.entries.iter().map(|entry| sii::PdoEntry {
         object: if entry.is_gap() { ObjectAddress::new(0, 0) } else { entry.object() },

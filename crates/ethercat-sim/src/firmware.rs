@@ -14,7 +14,7 @@ mod state_machine;
 pub use checks::{ProcessSyncManager, SmActivation};
 pub use foe::{FileStore, Files};
 pub use mailbox::MailboxProtocols;
-pub use process_data::{SyncMonitoring, Synchronization};
+pub use process_data::{PdoRules, SyncMonitoring, Synchronization};
 
 use crate::device::{Device, Moment, Outputs};
 use crate::dictionary::Dictionary;
@@ -65,6 +65,8 @@ pub struct FirmwareConfig {
     pub bootstrap: Option<MailboxArea>,
     /// SyncManagers with process data.
     pub process_data: Vec<ProcessSyncManager>,
+    /// Which PDOs go together.
+    pub pdo_rules: PdoRules,
     /// How process data are synchronised.
     pub synchronization: Synchronization,
     /// Durations.

@@ -57,6 +57,14 @@ pub const COE_PDO_UPLOAD: u8 = 1 << 4;
 /// [`General::coe_details`]: complete access.
 pub const COE_COMPLETE_ACCESS: u8 = 1 << 5;
 
+/// PDO flag: it must be assigned.
+pub const PDO_MANDATORY: u16 = 1 << 0;
+/// PDO flag: it is assigned by default.
+pub const PDO_DEFAULT: u16 = 1 << 1;
+/// PDO flag: its entries can't be changed.
+pub const PDO_FIXED: u16 = 1 << 4;
+/// PDO flag: it carries what the device itself makes of it.
+pub const PDO_VIRTUAL: u16 = 1 << 5;
 /// [`General::flags`]: start to SAFE-OP is allowed.
 pub const FLAG_SAFE_OP: u8 = 1 << 0;
 /// [`General::flags`]: LRW isn't supported.

@@ -9,8 +9,8 @@ use crate::dictionary::Dictionary;
 use crate::dictionary::pdo::{self, Direction};
 use crate::dictionary::standard::{Nameplate, PdoMap};
 use crate::firmware::{
-    FileStore, Firmware, FirmwareConfig, MailboxProtocols, ProcessSyncManager, SmActivation, StateControl,
-    SyncMonitoring, Synchronization, TransitionTimes,
+    FileStore, Firmware, FirmwareConfig, MailboxProtocols, PdoRules, ProcessSyncManager, SmActivation,
+    StateControl, SyncMonitoring, Synchronization, TransitionTimes,
 };
 use crate::{EscConfig, SubDevice};
 use omnibase_ethercat_wire::coe::ObjectAddress;
@@ -192,6 +192,7 @@ impl Drive {
             mailbox: Some((MAILBOX, MailboxProtocols::Coe)),
             bootstrap: self.has_files().then_some(MAILBOX),
             process_data: PROCESS_DATA.to_vec(),
+            pdo_rules: PdoRules::default(),
             synchronization: self.servo.synchronization,
             times: self.times,
         };

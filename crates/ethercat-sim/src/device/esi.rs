@@ -7,6 +7,7 @@ use super::servo::{self, ServoConfig};
 use super::simple;
 use crate::SubDevice;
 use crate::dictionary::{Access, DataType, Entry, Object};
+use crate::firmware::PdoRules;
 use crate::segment_file::EsiDevice;
 use omnibase_esi::model::{ObjectRights, OdEntry, OdObject, OdShape, SlotIndex};
 use omnibase_esi::{Assembly, Command, EsiFile, image};
@@ -126,8 +127,22 @@ fn on_axis(
         make_room(&command, &mut objects);
     }
     let image = image::with_modules(assembly, vendor_id);
-    let device_type = device_type(assembly);
-    Ok(Generic::assemble(&image, bytes, piece, More { objects, modules: idents, device_type, drive }))
+    let (device_type, pdo_rules) = (device_type(assembly), pdo_rules(assembly));
+    let more = More { objects, modules: idents, pdo_rules, device_type, drive };
+    Ok(Generic::assemble(&image, bytes, piece, more))
+}
+
+/// What the file has to be assigned, and what it has not to be assigned together.
+fn pdo_rules(assembly: &Assembly) -> PdoRules {
+    let mut rules = PdoRules::default();
+    for outputs in [true, false] {
+        let mandatory = assembly.default_pdos(outputs).0.into_iter().filter(|pdo| pdo.mandatory);
+        rules.mandatory.extend(mandatory.map(|pdo| pdo.index.index));
+        for pdo in assembly.pdos(outputs) {
+            rules.excluded.extend(pdo.excludes.iter().map(|other| [pdo.index.index, other.index]));
+        }
+    }
+    rules
 }
 
 /// Object 0x1000 as the file's dictionary has it, else the number of its profile: a drive's where it is one of several.

@@ -8,8 +8,8 @@ use crate::dictionary::pdo::Direction;
 use crate::dictionary::standard::{self, Mapping, Nameplate, PdoMap};
 use crate::dictionary::{Access, DataType, Dictionary, Entry, Object, little_endian};
 use crate::firmware::{
-    FileStore, Firmware, FirmwareConfig, MailboxProtocols, ProcessSyncManager, SmActivation, StateControl,
-    SyncMonitoring, Synchronization, TransitionTimes,
+    FileStore, Firmware, FirmwareConfig, MailboxProtocols, PdoRules, ProcessSyncManager, SmActivation,
+    StateControl, SyncMonitoring, Synchronization, TransitionTimes,
 };
 use crate::{EscConfig, SubDevice};
 use omnibase_ethercat_wire::HostTime;
@@ -81,6 +81,7 @@ impl Generic {
             mailbox,
             bootstrap: has_bootstrap.then_some(image.header.bootstrap_mailbox),
             process_data,
+            pdo_rules: more.pdo_rules,
             synchronization: synchronization(image),
             times: TransitionTimes::default(),
         };
@@ -120,6 +121,8 @@ pub(super) struct More {
     pub objects: Vec<Object>,
     /// Idents of the modules in its slots: the only ones that 0xF030 takes.
     pub modules: Vec<u32>,
+    /// Which PDOs go together: mandatory ones and exclusions, of which no image tells enough.
+    pub pdo_rules: PdoRules,
     /// Object 0x1000, of which no image tells: the number of a profile in its low 16 bits.
     pub device_type: u32,
     /// A drive's servo, and what it moves.
@@ -236,8 +239,12 @@ fn objects(
     let types: Vec<u8> = image.sync_managers.iter().map(|sm| sm.usage.code()).collect();
     objects.push(standard::sync_manager_types(&types));
     let pdos = || image.rx_pdos.iter().chain(&image.tx_pdos);
+    let details = image.general.as_ref().map_or(0, |general| general.coe_details);
+    let can_configure = details & sii::COE_PDO_CONFIGURATION != 0;
     for pdo in pdos() {
-        objects.push(standard::mapping(&map(image, pdo), Mapping::Fixed));
+        let is_open = can_configure && pdo.flags & sii::PDO_FIXED == 0;
+        let mapping = if is_open { Mapping::Configurable } else { Mapping::Fixed };
+        objects.push(standard::mapping(&map(image, pdo), mapping));
     }
     for sm in process_data {
         let assigned: Vec<u16> = pdos()

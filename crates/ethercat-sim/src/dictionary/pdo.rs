@@ -196,6 +196,11 @@ pub fn layout(dictionary: &Dictionary, assignment: u16, direction: Direction) ->
     Ok(layout)
 }
 
+/// The PDOs that an assignment object lists.
+pub fn assigned(dictionary: &Dictionary, assignment: u16) -> Result<Vec<u16>, LayoutError> {
+    Ok(listed(dictionary, assignment)?.into_iter().map(|(_, pdo)| pdo as u16).collect())
+}
+
 /// The entries of an object that its subindex 0 counts, with their addresses.
 fn listed(dictionary: &Dictionary, index: u16) -> Result<Vec<(ObjectAddress, u64)>, LayoutError> {
     let missing = |at| LayoutError { at, abort: AbortCode::NO_SUCH_OBJECT };

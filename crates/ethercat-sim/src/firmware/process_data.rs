@@ -21,6 +21,24 @@ const SYNC_TIMEOUT_CYCLES: u32 = 4;
 /// The error counter's limit where the dictionary has no 0x10F1:02.
 const ERROR_LIMIT: u16 = 9;
 
+/// Which PDOs of a device go together.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct PdoRules {
+    /// Those that must be assigned.
+    pub mandatory: Vec<u16>,
+    /// Pairs of which one alone may be assigned.
+    pub excluded: Vec<[u16; 2]>,
+}
+
+impl PdoRules {
+    /// A PDO against the rules, as it is assigned or isn't.
+    fn wrong(&self, assigned: &[u16]) -> Option<u16> {
+        let is_assigned = |pdo: &u16| assigned.contains(pdo);
+        let both = self.excluded.iter().find(|pair| pair.iter().all(is_assigned)).map(|pair| pair[0]);
+        both.or_else(|| self.mandatory.iter().copied().find(|pdo| !is_assigned(pdo)))
+    }
+}
+
 /// In which states a device that runs with SYNC0 counts cycles without new outputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum SyncMonitoring {
@@ -88,6 +106,7 @@ struct Counters {
 
 #[derive(Debug)]
 pub(super) struct ProcessData {
+    rules: PdoRules,
     synchronization: Synchronization,
     outputs: Vec<Area>,
     inputs: Vec<Area>,
@@ -122,6 +141,7 @@ impl ProcessData {
             areas.iter().fold(0, |events, area| events | al_event::sync_manager(area.plan.number))
         };
         ProcessData {
+            rules: config.pdo_rules.clone(),
             synchronization: config.synchronization,
             output_events: events(&outputs),
             input_events: events(&inputs),
@@ -184,12 +204,15 @@ impl ProcessData {
     }
 
     fn lay_out(&mut self, dictionary: &Dictionary) -> Result<(), AlStatusCode> {
+        let refused = |direction| match direction {
+            Direction::Outputs => AlStatusCode::INVALID_OUTPUT_MAPPING,
+            Direction::Inputs => AlStatusCode::INVALID_INPUT_MAPPING,
+        };
+        let mut assigned = Vec::new();
         for area in self.outputs.iter_mut().chain(&mut self.inputs) {
-            let code = match area.plan.direction {
-                Direction::Outputs => AlStatusCode::INVALID_OUTPUT_MAPPING,
-                Direction::Inputs => AlStatusCode::INVALID_INPUT_MAPPING,
-            };
+            let code = refused(area.plan.direction);
             let assignment = pdo::ASSIGNMENTS.start() + u16::from(area.plan.number);
+            assigned.extend(pdo::assigned(dictionary, assignment).map_err(|_| code)?);
             area.layout = pdo::layout(dictionary, assignment, area.plan.direction).map_err(|_| code)?;
             if area.layout.bytes() > usize::from(area.plan.max_bytes) {
                 return Err(code);
@@ -198,7 +221,10 @@ impl ProcessData {
                 if area.layout.bits == 0 { usize::from(area.plan.listed_bytes) } else { area.layout.bytes() };
             area.image = vec![0; bytes];
         }
-        Ok(())
+        match self.rules.wrong(&assigned) {
+            Some(pdo) => Err(refused(Direction::of_pdo(pdo).unwrap_or(Direction::Outputs))),
+            None => Ok(()),
+        }
     }
 
     /// SYNC0 decides where it is on; a mode that the user wrote must fit.

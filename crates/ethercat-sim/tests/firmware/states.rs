@@ -6,7 +6,7 @@ use omnibase_ethercat_sim::device::drive::{Drive, DriveKind};
 use omnibase_ethercat_sim::device::{Device, Moment, Piece};
 use omnibase_ethercat_sim::dictionary::Dictionary;
 use omnibase_ethercat_sim::firmware::{
-    Firmware, FirmwareConfig, StateControl, SyncMonitoring, Synchronization, TransitionTimes,
+    Firmware, FirmwareConfig, PdoRules, StateControl, SyncMonitoring, Synchronization, TransitionTimes,
 };
 use omnibase_ethercat_sim::pdi::ApplicationFault;
 use omnibase_ethercat_sim::{EscConfig, Fault, SubDevice};
@@ -429,6 +429,7 @@ fn with_boot() -> Rig {
         mailbox: None,
         bootstrap: Some(area),
         process_data: Vec::new(),
+        pdo_rules: PdoRules::default(),
         synchronization: Synchronization {
             supported: Synchronization::FREE_RUN,
             cycle_step_ns: 1,

@@ -182,6 +182,36 @@ fn only_a_drive_has_a_motor() {
     assert!(told.contains("tx_pdo"), "{told}");
 }
 
+/// A drive whose file lets PDOs be chosen and changed takes what the file allows, and refuses what it doesn't.
+#[test]
+fn what_the_file_says_of_pdos_is_what_the_simulated_one_takes() {
+    let file = made_up();
+    let drive = Assembly::new(&file.devices[0], Vec::new()).unwrap();
+    let op_with = |change: &dyn Fn(&mut SubDeviceConfig)| {
+        let sub_device = esi::from_assembly(&drive, 0x0F0F, &Piece::default()).unwrap().sub_device;
+        let (link, clock) = in_process(Segment::line(vec![sub_device]).unwrap());
+        let asked = |found: &[SubDevice]| {
+            let mut asked = config(&drive, &found[0]);
+            change(&mut asked);
+            vec![asked]
+        };
+        to_op(link, clock, asked).map(|operational| operational.subdevices[0].bit_length(Direction::Outputs))
+    };
+    // Without the max torque, its last entry.
+    let shorter = op_with(&|asked| {
+        asked.pdos[0].pdos[0].entries.as_mut().unwrap().pop();
+    });
+    assert_eq!(shorter, Ok(80));
+    let position = [(0x6040, 16), (0x607A, 32)].map(|(index, bits)| (ObjectAddress::new(index, 0), bits));
+    let other = PdoConfig { index: 0x1601, entries: Some(position.to_vec()) };
+    let alone = op_with(&|asked| asked.pdos[0].pdos = vec![other.clone()]);
+    assert_eq!(alone, Ok(48));
+    let both = op_with(&|asked| asked.pdos[0].pdos.push(other.clone())).unwrap_err();
+    assert!(both.contains("0x0025"), "{both}");
+    let none = op_with(&|asked| asked.pdos[1].pdos.clear()).unwrap_err();
+    assert!(none.contains("0x0024"), "{none}");
+}
+
 #[test]
 fn other_modules_than_stand_in_the_slots_are_refused() {
     let file = made_up();

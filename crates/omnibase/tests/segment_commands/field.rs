@@ -303,7 +303,9 @@ fn an_exchange_says_where_frames_were_damaged() {
 /// Whoever is plugged in while it runs is told, and makes nobody else's operation none.
 #[test]
 fn an_exchange_tells_who_was_plugged_in_meanwhile() {
-    let Some(namespace) = Namespace::for_test("an_exchange_tells_who_was_plugged_in_meanwhile") else { return };
+    let Some(namespace) = Namespace::for_test("an_exchange_tells_who_was_plugged_in_meanwhile") else {
+        return;
+    };
     let faults = (0..120).map(|n| 1.7 * f64::from(n));
     let faults = faults.flat_map(|n| [format!("power-off@2:{n:.1}"), format!("power-on@2:{:.1}", n + 0.8)]);
     let faults: Vec<String> = faults.flat_map(|fault| ["--fault".to_owned(), fault]).collect();

@@ -66,11 +66,8 @@ impl RegisterJob {
 
     pub(super) fn complete(self) -> AcyclicCompletion {
         let RegisterJob { tag, position, way, register, data, found, .. } = self;
-        let result = if self.done {
-            Ok(())
-        } else {
-            Err(AcyclicError::Register { register, found, after: TIMEOUT })
-        };
+        let result =
+            if self.done { Ok(()) } else { Err(AcyclicError::Register { register, found, after: TIMEOUT }) };
         AcyclicCompletion { tag, position, work: AcyclicWork::Registers { way, register, data }, result }
     }
 }
