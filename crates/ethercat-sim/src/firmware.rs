@@ -246,6 +246,8 @@ impl Application for Firmware {
 
     fn inject(&mut self, fault: &ApplicationFault, _: HostTime) -> bool {
         match fault {
+            // A chip alone has no error of its own.
+            ApplicationFault::AlError(_) if self.config.state_control == StateControl::Emulated => return false,
             ApplicationFault::AlError(code) => self.injected = Some(AlStatusCode(*code)),
             ApplicationFault::DriveFault(code) => return self.device.fault(&mut self.dictionary, *code),
             ApplicationFault::MailboxSilence(silent) => self.silent = *silent,

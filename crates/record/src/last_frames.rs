@@ -66,6 +66,10 @@ impl LastFrames {
     /// Starts the thread; the second value is the sink for the cyclic thread. Where no file can be made that is told now, not when
     /// it is needed.
     pub fn start(keep: KeepFrames) -> io::Result<(LastFrames, Box<dyn FrameSink + Send>)> {
+        if keep.path.is_dir() || keep.path.file_name().is_none() {
+            let told = format!("`{}` is a folder, expected the name of a file", keep.path.display());
+            return Err(io::Error::new(io::ErrorKind::IsADirectory, told));
+        }
         let (_, path) = next_file(&keep.path, 1)?;
         std::fs::remove_file(path)?;
         let dropped = Arc::new(AtomicU64::new(0));
@@ -399,5 +403,19 @@ mod tests {
     fn later_files_have_numbers() {
         assert_eq!(numbered(Path::new("a/x.pcapng"), 1), Path::new("a/x.pcapng"));
         assert_eq!(numbered(Path::new("a/x.pcapng"), 2), Path::new("a/x-2.pcapng"));
+    }
+
+    #[test]
+    fn a_folder_is_no_file_for_frames() {
+        for path in [".", "/"] {
+            let keep = KeepFrames {
+                path: path.into(),
+                interface: "simulated".to_owned(),
+                seconds: Duration::from_secs(1),
+                when_full: WhenFull::Drop,
+            };
+            let refused = LastFrames::start(keep).map(drop).unwrap_err().to_string();
+            assert!(refused.contains("is a folder"), "{refused}");
+        }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::bench::{Bench, firmware, fmmu, idle, sync_manager};
 use omnibase_ethercat_sim::pdi::ApplicationFault;
-use omnibase_ethercat_sim::{EscConfig, FaultError};
+use omnibase_ethercat_sim::{EscConfig, FaultError, SegmentFile};
 use omnibase_ethercat_wire::register::{self as reg, al_event};
 use omnibase_ethercat_wire::{Address, Command, HostTime};
 use std::sync::{Arc, Mutex};
@@ -132,6 +132,13 @@ fn frozen_firmware_leaves_the_chip_alone_until_it_thaws() {
     let fault = ApplicationFault::AlError(0x1B);
     assert_eq!(
         bench.segment.inject(0, fault.clone().into()),
+        Err(FaultError::UnknownToApplication { position: 0, fault: fault.clone() })
+    );
+    // A chip without a processor has no error of its own, either.
+    let terminal = "[[subdevice]]\nkind = \"digital-io\"\ninputs = 8\n";
+    let mut segment = SegmentFile::parse(terminal).unwrap().build(std::path::Path::new(".")).unwrap();
+    assert_eq!(
+        segment.inject(0, fault.clone().into()),
         Err(FaultError::UnknownToApplication { position: 0, fault })
     );
 }

@@ -7,6 +7,9 @@ use omnibase_measure::quantiles::{Distribution, Quantiles};
 use serde::Serialize;
 use std::collections::{BTreeMap, HashMap};
 
+/// A request is lost where its answer didn't come within so many times the longest round trip, and this.
+const ROUND_TRIPS: u64 = 4;
+const LOST_NS: u64 = 1_000_000;
 /// The most events that are kept; all are counted.
 const EVENTS_KEPT: usize = 100;
 
@@ -25,9 +28,9 @@ pub struct Summary {
     pub duration_ns: u64,
     /// Requests whose reply is in the capture.
     pub matched: u64,
-    /// Requests without reply although later ones were answered.
+    /// Requests without reply although later ones were answered, or for much longer than answers take.
     pub lost_frames: u64,
-    /// Requests without reply at the end of the capture: they may have been under way.
+    /// Requests without reply just before the end of the capture: they may have been under way.
     pub open_at_end: u64,
     /// Replies whose request isn't in the capture, or was answered before (duplicates, late frames).
     pub replies_without_request: u64,
@@ -37,7 +40,7 @@ pub struct Summary {
     pub malformed: u64,
     /// From request to reply, ns.
     pub round_trip_ns: Option<Quantiles>,
-    /// The frame with process data that comes most often, and its times.
+    /// The process data that come most often, and their times.
     pub cycle: Option<Cycle>,
     /// Datagrams by command, requests only.
     pub commands: BTreeMap<&'static str, u64>,
@@ -54,7 +57,7 @@ pub struct Summary {
 /// The cycle of the process data.
 #[derive(Debug, Serialize)]
 pub struct Cycle {
-    /// What is in the frame.
+    /// Which they are, whatever else is in their frame.
     pub datagrams: String,
     /// How often it was sent.
     pub frames: u64,
@@ -185,9 +188,11 @@ impl Gatherer {
             let name = Command::from_code(datagram.header.command).map_or("unknown", Command::name);
             *self.summary.commands.entry(name).or_default() += 1;
         }
-        if datagrams.iter().any(|datagram| is_logical(datagram.header.command)) {
-            // Without the index, which changes from cycle to cycle.
-            let shape = key.iter().map(|word| word & !0xFF00).collect();
+        let words = key.iter().zip(datagrams);
+        let logical = words.filter(|(_, datagram)| is_logical(datagram.header.command));
+        // Without the index, which changes from cycle to cycle.
+        let shape: Vec<u64> = logical.map(|(word, _)| word & !0xFF00).collect();
+        if !shape.is_empty() {
             self.cycles.entry(shape).or_default().push(record.frame.unix_ns);
         }
         let request = SentFrame { number: record.frame.number, unix_ns: record.frame.unix_ns };
@@ -222,14 +227,18 @@ impl Gatherer {
 
     /// The summary of everything that was taken in.
     pub fn finish(mut self) -> Summary {
+        let round_trip_ns = self.round_trips.quantiles();
+        let longest_ns = ROUND_TRIPS * round_trip_ns.as_ref().map_or(0, |all| all.max);
+        let end_ns = self.first_ns.unwrap_or(0) + self.summary.duration_ns;
         for request in self.waiting.values() {
-            if request.number < self.latest_answered {
+            let waited_ns = end_ns.saturating_sub(request.unix_ns);
+            if request.number < self.latest_answered || waited_ns > longest_ns.max(LOST_NS) {
                 self.summary.lost_frames += 1;
             } else {
                 self.summary.open_at_end += 1;
             }
         }
-        self.summary.round_trip_ns = self.round_trips.quantiles();
+        self.summary.round_trip_ns = round_trip_ns;
         let most = self.cycles.into_iter().max_by(|a, b| (a.1.len(), &b.0).cmp(&(b.1.len(), &a.0)));
         self.summary.cycle = most.and_then(|(shape, times)| cycle(&shape, &times));
         self.summary.working_counters = self
@@ -286,11 +295,14 @@ mod tests {
     use omnibase_ethercat_wire::frame::{FrameBuilder, PROCESSED_BIT};
     use omnibase_record::CapturedFrame;
 
-    /// Frames with their times in us; `Some(working counter)` makes a reply.
+    /// Frames with their times in us, from index 100 on with something beside their process data; `Some(working counter)` makes a reply.
     fn summary(frames: &[(u64, u8, Option<u16>)]) -> Summary {
         let mut gatherer = Gatherer::new(DirectionRule::ProcessedBit);
         for (number, (time_us, index, reply)) in frames.iter().enumerate() {
             let mut frame = FrameBuilder::new();
+            if *index >= 100 {
+                frame.push_zeros(Command::Brd, *index, Address::broadcast(0x0130), 2).unwrap();
+            }
             frame.push_zeros(Command::Lrw, *index, Address::Logical(0x1000), 8).unwrap();
             let mut bytes = frame.bytes().to_vec();
             if let Some(counter) = reply {
@@ -335,6 +347,14 @@ mod tests {
         assert_eq!(counters.counters, BTreeMap::from([(2, 2), (3, 1)]));
     }
 
+    /// Who answered dies: only the last requests may be under way.
+    #[test]
+    fn what_nobody_answers_any_more_is_lost() {
+        let after = (1..=10).map(|cycle| (1000 * cycle, cycle as u8, None));
+        let found = summary(&[vec![(0, 0, None), (100, 0, Some(3))], after.collect()].concat());
+        assert_eq!((found.lost_frames, found.open_at_end), (8, 2));
+    }
+
     #[test]
     fn the_same_frame_again_gives_the_first_one_up() {
         let found = summary(&[(0, 1, None), (500, 1, None), (600, 1, Some(1))]);
@@ -353,5 +373,9 @@ mod tests {
         assert!(cycle.period_ns.p50.abs_diff(1_000_000) <= 1000, "{cycle:?}");
         assert!(cycle.jitter_ns.max.abs_diff(1_000_000) <= 2000, "{cycle:?}");
         assert!(summary(&[(0, 1, None), (1, 2, None)]).cycle.is_none());
+        // Whatever else a frame carries, its process data make the cycle.
+        let mixed = [(0, 1, None), (1000, 100, None), (2000, 2, None), (3000, 101, None), (4000, 3, None)];
+        let cycle = summary(&mixed).cycle.unwrap();
+        assert_eq!((cycle.frames, cycle.gaps, cycle.datagrams.as_str()), (5, 0, "LRW of 8 bytes"));
     }
 }
