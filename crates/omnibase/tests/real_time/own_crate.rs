@@ -146,10 +146,9 @@ fn a_crate_of_ones_own_is_driven_by_a_joystick() {
 fn a_crate_of_ones_own_drives_over_a_cable() {
     let Some(namespace) = Namespace::for_test("a_crate_of_ones_own_drives_over_a_cable") else { return };
     let run = namespace.run(|| {
-        let simulator = Program::start(command(
-            &[&["simulate", "robot.toml", "--interface", Namespace::FAR, "--realtime"][..], &PATIENT]
-                .concat(),
-        ));
+        let simulated = ["simulate", "robot.toml", "--interface", Namespace::FAR, "--realtime", "--json"];
+        let mut simulator = Program::start(command(&[&simulated[..], &PATIENT].concat()));
+        simulator.wait_for("SCHED_FIFO");
         let fixed = ["run", "robot.toml", "--interface", Namespace::NEAR, "--realtime", "--json"];
         let run = Program::start(command(&[&fixed[..], &PATIENT].concat())).end();
         simulator.signal("INT");
