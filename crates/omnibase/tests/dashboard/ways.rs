@@ -9,7 +9,11 @@ const WALL: &str = "map.blocked_m=[[[1.3,-4.0],[1.5,-4.0],[1.5,0.4],[1.3,0.4]]]"
 
 fn drive(robot: &Robot, pose: [f64; 3]) {
     robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
-    let (_, said) = robot.call(&json!({ "do": "drive_to", "pose": pose }));
+    let ask = || robot.call(&json!({ "do": "drive_to", "pose": pose })).1;
+    // Who waits for a way on a busy machine is told after some seconds that there was no time for it, and asks again.
+    let is_told =
+        |said: &Value| !said["text"].as_str().unwrap().contains("in the time that was given for it");
+    let said = (0..20).map(|_| ask()).find(is_told).expect("a way is found in one of twenty times");
     assert_eq!(said["done"], true, "{said}");
     assert!(said["text"].as_str().unwrap().starts_with("on the way: "), "{said}");
 }
