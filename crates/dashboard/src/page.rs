@@ -32,6 +32,7 @@ pub(crate) const FILES: Files = &[
     ("stick.js", "text/javascript; charset=utf-8", include_str!("page/stick.js")),
     ("stop.js", "text/javascript; charset=utf-8", include_str!("page/stop.js")),
     ("warning.js", "text/javascript; charset=utf-8", include_str!("page/warning.js")),
+    ("write.js", "text/javascript; charset=utf-8", include_str!("page/write.js")),
 ];
 
 /// Those of the page on which a robot is set up.

@@ -13,6 +13,7 @@ import { Sticks } from "./stick.js";
 import { StopButton } from "./stop.js";
 import { View } from "./view.js";
 import { Warning } from "./warning.js";
+import { write } from "./write.js";
 
 /** So long a slow line may take for a stop. */
 const STOP_MS = 10000;
@@ -256,22 +257,22 @@ function see(seen) {
 function draw() {
   isDrawing = false;
   const seen = last, badge = by("phase");
-  badge.textContent = seen.phase;
+  write(badge, seen.phase);
   badge.className = `badge seen ${seen.phase.split(" ")[0]}`;
   const mine = seen.commander === me ? `you (${me})` : seen.commander;
   const how = seen.by_stick ? "by hand" : ({ way: "going somewhere", onto: "onto the path" })[seen.course] || "on the path";
-  by("commander").textContent = seen.commander === "nobody" ? "nobody commands" : `${mine} commands, ${how}`;
+  write(by("commander"), seen.commander === "nobody" ? "nobody commands" : `${mine} commands, ${how}`);
   showAge();
   showActions(seen, me !== null);
   const taught = seen.taught_points;
-  by("teach").textContent = taught !== null ? `End and save (${taught} point${taught === 1 ? "" : "s"})`
-    : seen.teaching_since_s === null ? "Teach" : `End and save (${(seen.time_s - seen.teaching_since_s).toFixed(0)} s)`;
+  write(by("teach"), taught !== null ? `End and save (${taught} point${taught === 1 ? "" : "s"})`
+    : seen.teaching_since_s === null ? "Teach" : `End and save (${(seen.time_s - seen.teaching_since_s).toFixed(0)} s)`);
   by("teach-point").hidden = taught === null;
   if (document.activeElement !== by("controller")) by("controller").selectedIndex = seen.controller;
   obstacles.show(seen.obstacles);
   view.goal = seen.goal;
   view.fence = seen.fence;
-  if (!view.edit) by("fence").textContent = seen.fence.length ? "Edit fence…" : "Draw fence…";
+  if (!view.edit) write(by("fence"), seen.fence.length ? "Edit fence…" : "Draw fence…");
   view.kept = value("guard/fence_kept_m");
   by("view").dataset.obstacles = seen.obstacles.length;
   const here = pose("state"), metres = here?.slice(0, 2).map((place) => `${fixed(place, 1)} m`);
@@ -300,7 +301,7 @@ function showLeft(seen) {
   const way = seen.drive_to ? `Way: ${seen.drive_to.text}` : "";
   const text = [left, now, next, way].filter(Boolean).join(". ");
   by("left").hidden = !text;
-  if (by("left").textContent !== text) by("left").textContent = text;
+  write(by("left"), text);
   by("left").classList.toggle("no", Boolean(seen.drive_to?.failed));
 }
 
@@ -317,13 +318,14 @@ function showAge() {
   const { isOld, isSilent, isOpen, age_ms, delay_ms } = link;
   const age = age_ms === null ? "nothing seen yet" : isSilent ? `${seconds(age_ms)} old` : `up to ${seconds(delay_ms)} old`;
   document.body.classList.toggle("old", isOld);
-  document.documentElement.style.setProperty("--age", JSON.stringify(age));
+  // Whoever changes it has the style of everything on the page computed anew.
+  if (isOld) document.documentElement.style.setProperty("--age", JSON.stringify(age));
   by("age").hidden = !isOld;
-  by("age").textContent = age;
+  write(by("age"), age);
   const isLost = isSilent && age_ms !== null;
-  by("link").textContent = !isSilent ? who : age_ms === null ? "connecting" : isOpen ? "nothing is heard" : "no connection";
+  write(by("link"), !isSilent ? who : age_ms === null ? "connecting" : isOpen ? "nothing is heard" : "no connection");
   by("link").classList.toggle("lost", isLost);
-  by("delay").textContent = isSilent || delay_ms === null ? "" : `delay ${delay_ms > OLD_MS ? seconds(delay_ms) : `${delay_ms} ms`}`;
+  write(by("delay"), isSilent || delay_ms === null ? "" : `delay ${delay_ms > OLD_MS ? seconds(delay_ms) : `${delay_ms} ms`}`);
   by("delay").className = `link ${delay_ms > OLD_MS ? "lost" : delay_ms > SLOW_MS ? "slow" : ""}`;
   sticks.mayDrive = me !== null && !isBlocked && !isOld;
   showBanner(last);
@@ -352,7 +354,7 @@ function showBanner(seen) {
   by("banner").hidden = !text;
   by("banner").className = `banner ${kind}`;
   // What is said again isn't announced again.
-  if (by("banner-is").textContent !== text) by("banner-is").textContent = text;
+  write(by("banner-is"), text);
   for (const id of ["release", "mend", "enable-stick", "enable-joystick"]) by(id).hidden = id !== button || me === null;
   by("give-up").hidden = button !== "give-up";
 }
@@ -366,11 +368,11 @@ function showStick(seen) {
     : isBlocked ? "The stick was lost: enable it again."
     : seen.by_stick && seen.commander !== me ? `Now drives: ${seen.commander}.`
     : WHY[seen.phase] ?? "Drag and hold to drive; let go to stop.";
-  by("why").textContent = why;
+  write(by("why"), why);
   for (const stick of document.querySelectorAll(".stick")) stick.classList.toggle("off", !why.startsWith("Drag"));
   by("joystick-is").hidden = seen.joystick === "absent";
   by("joystick-is").className = `joystick seen ${seen.joystick}`;
-  by("joystick-is").textContent = JOYSTICK[seen.joystick] ?? "";
+  write(by("joystick-is"), JOYSTICK[seen.joystick] ?? "");
 }
 
 const WHY = {
@@ -434,8 +436,8 @@ function showPose(believed) {
     }));
   }
   pairs.forEach(([name, text], n) => {
-    list.children[n].firstChild.textContent = name;
-    list.children[n].lastChild.textContent = text ?? "–";
+    write(list.children[n].firstChild, name);
+    write(list.children[n].lastChild, text ?? "–");
   });
 }
 
@@ -447,18 +449,18 @@ function showDrives(seen) {
   }
   facts.wheels.forEach(({ name, device }, n) => {
     const cells = body.rows[n].cells, drive = seen.drives[n];
-    cells[0].textContent = name;
+    write(cells[0], name);
     cells[0].title = device;
-    cells[1].textContent = drive ? drive.error || drive.state : "–";
+    write(cells[1], drive ? drive.error || drive.state : "–");
     cells[1].className = drive && (drive.error || drive.state === "failed") ? "bad" : "";
-    cells[2].textContent = fixed(value(`${name}/speed_rad_s`) ?? value(`wheel_${n + 1}/speed_rad_s`), 2);
-    cells[3].textContent = fixed(value(`${name}/torque_nm`) ?? value(`wheel_${n + 1}/torque_nm`), 2);
+    write(cells[2], fixed(value(`${name}/speed_rad_s`) ?? value(`wheel_${n + 1}/speed_rad_s`), 2));
+    write(cells[3], fixed(value(`${name}/torque_nm`) ?? value(`wheel_${n + 1}/torque_nm`), 2));
   });
   const [cycles, lost, overruns] = seen.counts, [crowded, denied, malformed, oversized, flooding] = seen.server;
   const refused = crowded + denied + malformed + oversized + flooding;
   showTiming(seen.timing);
-  by("bus").textContent = bus();
-  by("counts").textContent = `${cycles} cycles, ${lost} frames lost, ${overruns} cycles left out; ${refused} requests refused`;
+  write(by("bus"), bus());
+  write(by("counts"), `${cycles} cycles, ${lost} frames lost, ${overruns} cycles left out; ${refused} requests refused`);
 }
 
 const MEASURES = { wake_up: "wake-up late", round_trip: "round trip", compute: "compute", dc_phase: "DC phase" };
@@ -473,7 +475,7 @@ function showTiming(timing) {
   known.forEach((name, n) => {
     const { p50_ns, p99_ns, max_ns, worst_time_s, worst_cycle, worst_phase, worst_exchange } = timing[name];
     const us = [p50_ns, p99_ns, max_ns].map((ns) => (ns / 1000).toFixed(1));
-    [MEASURES[name], ...us, worst_time_s.toFixed(2)].forEach((text, k) => (body.rows[n].cells[k].textContent = text));
+    [MEASURES[name], ...us, worst_time_s.toFixed(2)].forEach((text, k) => write(body.rows[n].cells[k], text));
     body.rows[n].title = `the worst was cycle ${worst_cycle}: ${worst_phase}, exchange ${worst_exchange}`;
   });
 }

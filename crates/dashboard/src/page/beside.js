@@ -1,5 +1,7 @@
 // What stands beside the wheels: axes that are homed, moved and stopped, and outputs that are set.
 
+import { write } from "./write.js";
+
 /** What an axis does, by its code. */
 const STATES = ["off", "holding", "moving", "homing", "stopping", "holding, its home wasn't found", "failed"];
 /** Those that a person should look at. */
@@ -63,8 +65,8 @@ export class Beside {
         const position = this.value(column), code = this.value(`${name}/state`);
         // Before nobody knows where it is.
         const isHomed = this.value(`${name}/homed`) === 1;
-        place.textContent = position === null ? "–" : isHomed ? `${position.toFixed(4)} ${unit}` : "not homed";
-        state.textContent = STATES[code] ?? "–";
+        write(place, position === null ? "–" : isHomed ? `${position.toFixed(4)} ${unit}` : "not homed");
+        write(state, STATES[code] ?? "–");
         state.classList.toggle("bad", BAD.includes(code));
       },
     };
@@ -92,7 +94,7 @@ export class Beside {
       event.preventDefault();
       set(Number(input.value), event.timeStamp);
     });
-    return { item, show: () => (now.textContent = this.value(column)?.toPrecision(4) ?? "–") };
+    return { item, show: () => write(now, this.value(column)?.toPrecision(4) ?? "–") };
   }
 }
 

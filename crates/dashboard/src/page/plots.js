@@ -1,5 +1,7 @@
 // Live plots of any signals over the last seconds.
 
+import { write } from "./write.js";
+
 const SECONDS = 20;
 const COLOURS = ["--s1", "--s2", "--s3", "--s4", "--s5", "--s6"];
 
@@ -150,7 +152,7 @@ class Plot {
       }
       g.stroke();
       const key = this.keys.children[n], now = rows.at(-1)?.[place];
-      if (key) key.textContent = `${this.plots.shown(this.names[n])} ${now === null || now === undefined ? "–" : Number(now.toPrecision(4))}`;
+      if (key) write(key, `${this.plots.shown(this.names[n])} ${now === null || now === undefined ? "–" : Number(now.toPrecision(4))}`);
     });
   }
 }

@@ -37,6 +37,7 @@ class Link {
     button.letGo();
     // Another program may be at the other end, and ask something else.
     answered = null;
+    isLeaving = false;
     setTimeout(() => this.connect(), AGAIN_MS);
   }
 
@@ -132,6 +133,8 @@ let over = null;
 let shown = null;
 /** What was answered on this connection, until something else is asked: said again, for a line that was full took nothing. */
 let answered = null;
+/** Whoever leaves on this connection says so until it is over, for the same reason. */
+let isLeaving = false;
 const button = new Button();
 const link = new Link((message) => ("stamp" in message ? tick(message) : "steps" in message && show(message)));
 
@@ -193,13 +196,19 @@ function answer(text) {
   link.say(answered);
 }
 
-setInterval(() => answered !== null && link.say(answered), AGAIN_MS);
+setInterval(() => {
+  if (answered !== null) link.say(answered);
+  if (isLeaving && over === null) link.say({ leave: true });
+}, AGAIN_MS);
 
 at("question").addEventListener("submit", (event) => {
   event.preventDefault();
   if (!at("free").hidden) answer(at("value").value);
 });
-at("leave").addEventListener("click", () => link.say({ leave: true }));
+at("leave").addEventListener("click", () => {
+  isLeaving = true;
+  link.say({ leave: true });
+});
 
 function element(name, attributes, ...children) {
   const one = document.createElementNS(SVG, name);

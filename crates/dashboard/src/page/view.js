@@ -54,10 +54,11 @@ export class View {
   }
 
   resize() {
-    const { clientWidth, clientHeight } = this.canvas;
+    // Kept: to ask the canvas for each point of a line has the browser lay out the page anew.
+    ({ clientWidth: this.width, clientHeight: this.height } = this.canvas);
     const ratio = devicePixelRatio || 1;
-    this.canvas.width = Math.max(1, clientWidth * ratio);
-    this.canvas.height = Math.max(1, clientHeight * ratio);
+    this.canvas.width = Math.max(1, this.width * ratio);
+    this.canvas.height = Math.max(1, this.height * ratio);
     this.ratio = ratio;
     this.draw();
   }
@@ -99,7 +100,7 @@ export class View {
     }
     if (this.follow && !this.pointers.size) {
       const [x, y] = this.toScreen(pose);
-      const { clientWidth: w, clientHeight: h } = this.canvas;
+      const { width: w, height: h } = this;
       if (x < w * 0.2 || x > w * 0.8 || y < h * 0.2 || y > h * 0.8) {
         this.centre = [lerp(this.centre[0], pose[0], 0.15), lerp(this.centre[1], pose[1], 0.15)];
       }
@@ -112,19 +113,19 @@ export class View {
     const xs = points.map((p) => p[0]), ys = points.map((p) => p[1]);
     const [left, right, low, high] = [Math.min(...xs), Math.max(...xs), Math.min(...ys), Math.max(...ys)];
     this.centre = [(left + right) / 2, (low + high) / 2];
-    const { clientWidth: w, clientHeight: h } = this.canvas;
+    const { width: w, height: h } = this;
     this.scale = Math.min(w / (right - left + 2.6 * reach), (h - 60) / (high - low + 2.6 * reach));
     this.follow = false;
     this.draw();
   }
 
   toScreen([x, y]) {
-    const { clientWidth: w, clientHeight: h } = this.canvas;
+    const { width: w, height: h } = this;
     return [w / 2 + (x - this.centre[0]) * this.scale, h / 2 - (y - this.centre[1]) * this.scale];
   }
 
   toWorld(px, py) {
-    const { clientWidth: w, clientHeight: h } = this.canvas;
+    const { width: w, height: h } = this;
     return [(px - w / 2) / this.scale + this.centre[0], (h / 2 - py) / this.scale + this.centre[1]];
   }
 
@@ -226,7 +227,7 @@ export class View {
     );
     const c = this.colours;
     g.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
-    g.clearRect(0, 0, this.canvas.clientWidth, this.canvas.clientHeight);
+    g.clearRect(0, 0, this.width, this.height);
     this.drawMap(g, c);
     this.drawGrid(g, c);
     if (this.fence.length) this.drawLine(g, [...this.fence, this.fence[0]], c.bad, 2);
@@ -338,7 +339,7 @@ export class View {
   }
 
   drawGrid(g, c) {
-    const { clientWidth: w, clientHeight: h } = this.canvas;
+    const { width: w, height: h } = this;
     const step = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20].find((step) => step * this.scale >= 45) ?? 50;
     const [left, top] = this.toWorld(0, 0), [right, low] = this.toWorld(w, h);
     g.lineWidth = 1;

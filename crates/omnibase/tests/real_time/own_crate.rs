@@ -13,10 +13,20 @@ const TRIGGER: u16 = 0x120;
 const ENABLE: u16 = 0x12B;
 const ABS_Y: u16 = 1;
 
+/// The crate, and its program, as long as this process lives.
+struct Own {
+    folder: PathBuf,
+    program: PathBuf,
+    _lock: fs::File,
+}
+
 /// A fresh crate, and its program: built against the library as the workspace built it, for `cargo build` outside the
 /// workspace would compile that library anew for minutes. `.ci/run` has cargo build and test such a crate.
-fn own_crate() -> (PathBuf, PathBuf) {
+fn own_crate() -> Own {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("own-robot");
+    // Tests that run beside these, of another process, wait until nobody uses it any more.
+    let lock = fs::File::create(folder.with_extension("lock")).unwrap();
+    lock.lock().unwrap();
     let _ = fs::remove_dir_all(&folder);
     let made = Program::omnibase(&["new", folder.to_str().unwrap()]).end();
     assert!(made.status.success(), "{}", made.said);
@@ -51,7 +61,7 @@ fn own_crate() -> (PathBuf, PathBuf) {
         .concat(),
     );
     let program = folder.join("own-robot");
-    (folder, program)
+    Own { folder, program, _lock: lock }
 }
 
 /// The library of this name that was built last.
@@ -65,15 +75,15 @@ fn newest(folder: &Path, name: &str) -> PathBuf {
     files.filter(is_it).max_by_key(built).expect("a library beside its program")
 }
 
-/// The crate's folder and its program, made once for all tests here.
-fn own() -> &'static (PathBuf, PathBuf) {
-    static OWN: OnceLock<(PathBuf, PathBuf)> = OnceLock::new();
+/// Made once for all tests here.
+fn own() -> &'static Own {
+    static OWN: OnceLock<Own> = OnceLock::new();
     OWN.get_or_init(own_crate)
 }
 
 /// A command of the crate's program, in its folder.
 fn command(arguments: &[&str]) -> Command {
-    let (folder, program) = own();
+    let Own { folder, program, .. } = own();
     let mut command = Command::new(program);
     command.args(arguments).current_dir(folder);
     command
@@ -92,15 +102,15 @@ fn a_crate_of_ones_own_is_checked_recorded_reported_and_replayed() {
     done(&["run", "robot.toml", "--record", "run.mcap", "--report", "run.html"]);
     let replayed = done(&["replay", "run.mcap"]).output;
     assert!(replayed.contains("the same to the bit"), "{replayed}");
-    let page = fs::read_to_string(own().0.join("run.html")).unwrap();
+    let page = fs::read_to_string(own().folder.join("run.html")).unwrap();
     assert!(page.contains("pi_speed"), "the report names the law");
     // A controller of one's own is one file of 40 lines and one line of registration.
-    let source = |path: &str| fs::read_to_string(own().0.join(path)).unwrap();
+    let source = |path: &str| fs::read_to_string(own().folder.join(path)).unwrap();
     assert!(source("src/controller.rs").lines().count() <= 40);
     assert_eq!(source("src/lib.rs").matches("registry.controllers.add(").count(), 1);
     // The program without these stages says what it lacks.
     let mut without = Command::new(env!("CARGO_BIN_EXE_omnibase"));
-    without.args(["replay", "run.mcap"]).current_dir(&own().0);
+    without.args(["replay", "run.mcap"]).current_dir(&own().folder);
     let refused = Program::start(without).end();
     assert!(!refused.status.success() && refused.said.contains("pi_speed"), "{}", refused.said);
 }
@@ -128,16 +138,16 @@ fn a_crate_of_ones_own_has_its_page_and_answers_the_command_line() {
 #[test]
 fn a_crate_of_ones_own_is_driven_by_a_joystick() {
     let folder = tempfile::tempdir().unwrap();
-    // Grasped again and again: drives come up when the machine lets them.
-    let grasps = (0..20).flat_map(|n| [(1500 + 400 * n, TRIGGER, 1), (1800 + 400 * n, TRIGGER, 0)]);
+    // Grasped again and again, for longer than any machine takes: drives come up when it lets them.
+    let grasps = (0..300).flat_map(|n| [(1500 + 400 * n, TRIGGER, 1), (1800 + 400 * n, TRIGGER, 0)]);
     let enabled = [(100, ENABLE, 1), (200, ENABLE, 0), (1000, ABS_Y, 64)];
     let stick = recording(folder.path(), &enabled.into_iter().chain(grasps).collect::<Vec<_>>());
     let mut robot =
         Program::start(command(&["run", "robot.toml", "--json", "--joystick", stick.to_str().unwrap()]));
-    robot.wait_for("blocked until it is enabled");
+    robot.wait_for("hold BTN_TRIGGER to drive");
+    robot.wait_for("drives by hand");
     robot.signal("INT");
     let ended = robot.end();
-    assert!(ended.said.contains("hold BTN_TRIGGER to drive"), "{}", ended.said);
     let events = ended.json()["events"].to_string();
     assert!(events.contains("drives by hand"), "{events}");
 }
@@ -146,10 +156,9 @@ fn a_crate_of_ones_own_is_driven_by_a_joystick() {
 fn a_crate_of_ones_own_drives_over_a_cable() {
     let Some(namespace) = Namespace::for_test("a_crate_of_ones_own_drives_over_a_cable") else { return };
     let run = namespace.run(|| {
-        let simulator = Program::start(command(
-            &[&["simulate", "robot.toml", "--interface", Namespace::FAR, "--realtime"][..], &PATIENT]
-                .concat(),
-        ));
+        let simulated = ["simulate", "robot.toml", "--interface", Namespace::FAR, "--realtime", "--json"];
+        let mut simulator = Program::start(command(&[&simulated[..], &PATIENT].concat()));
+        simulator.wait_for("SCHED_FIFO");
         let fixed = ["run", "robot.toml", "--interface", Namespace::NEAR, "--realtime", "--json"];
         let run = Program::start(command(&[&fixed[..], &PATIENT].concat())).end();
         simulator.signal("INT");

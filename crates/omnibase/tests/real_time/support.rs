@@ -242,12 +242,25 @@ impl BothReports {
 pub const IN_OP: [&str; 5] = ["PRE-OP", "SAFE-OP", "OP", "PRE-OP", "INIT"];
 /// A frame that waited so long for the simulator is answered too late for a cycle of 4 ms, ms.
 const LATE_MS: f64 = 2.0;
+/// Without frames for so long a robot with [`PATIENT`] may stop, ms: 250 cycles of 4 ms, less the cycle in which a pause begins.
+const BORNE_MS: f64 = 990.0;
 /// Runs until one is seen that the machine didn't disturb.
 pub const ATTEMPTS: u32 = 3;
 
 /// Whether the machine kept frames waiting for the simulator.
 pub fn is_late(simulated: &Value) -> bool {
     number(&simulated["longest_wait_ms"]) >= LATE_MS
+}
+
+/// Whether a run failed and this machine kept one of both programs from its time for longer than [`PATIENT`] bears: to stop then is
+/// right.
+pub fn was_paused(run: &Ended, simulated: &Ended) -> bool {
+    let (report, simulated) = (run.json_if_any(), simulated.json_if_any());
+    let pauses_ms =
+        ["own", "other"].map(|who| report["pauses"][who]["longest_ns"].as_f64().map(|ns| 1e-6 * ns));
+    let waited_ms = simulated["longest_wait_ms"].as_f64();
+    let paused_ms = pauses_ms.into_iter().chain([waited_ms]).flatten().fold(0.0, f64::max);
+    !run.status.success() && paused_ms >= BORNE_MS
 }
 
 /// Runs until the machine kept its time in one of them; where it never did, says loudly that `test` is skipped.

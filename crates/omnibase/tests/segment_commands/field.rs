@@ -275,28 +275,32 @@ fn a_second_simulator_on_one_interface_is_refused() {
     });
 }
 
+/// A frame damaged five times a second on its way to SubDevice 1, for longer than the busiest machine takes for a test.
+fn now_and_then() -> Vec<String> {
+    let damage = (0..3000).map(|number| format!("crc-errors@1:{:.1}:1", 0.2 * f64::from(number)));
+    damage.flat_map(|fault| ["--fault".to_owned(), fault]).collect()
+}
+
 /// Frames that are damaged now and then cost exchanges: their end says where, by the counters of the chips.
 #[test]
 fn an_exchange_says_where_frames_were_damaged() {
     let Some(namespace) = Namespace::for_test("an_exchange_says_where_frames_were_damaged") else { return };
-    let damage = (0..300).map(|number| format!("crc-errors@1:{:.1}:1", 0.2 * f64::from(number)));
-    let damage: Vec<String> = damage.flat_map(|fault| ["--fault".to_owned(), fault]).collect();
+    let damage = now_and_then();
     namespace.run(|| {
         let file = segment("three-servos");
         let mut arguments = vec![file.as_str()];
         arguments.extend(damage.iter().map(String::as_str));
         let (_simulator, _) = Simulator::start(&arguments);
-        let ten = ["exchange", Namespace::NEAR, "--cycle-us", "10000", "--cycles", "200", "--json"];
-        // Where the machine pauses a run may not get as far.
-        let mut runs = (0..20).map(|_| omnibase(&ten)).filter(|run| run.stdout.starts_with(b"{"));
-        let told = runs.find_map(|run| {
-            let told = json(&run)["damage"].as_array().unwrap().clone();
-            (!told.is_empty()).then_some(told)
+        let second = ["exchange", Namespace::NEAR, "--cycle-us", "10000", "--cycles", "100", "--json"];
+        // Where the machine pauses a run may not get as far, or end with drives that its watchdogs took out of OP: it tells of
+        // damage all the same, and of other things as well.
+        let told = (0..100).find_map(|_| {
+            let report: serde_json::Value = serde_json::from_slice(&omnibase(&second).stdout).ok()?;
+            let told = report["damage"].as_array()?.iter().filter_map(serde_json::Value::as_str);
+            told.filter(|told| told.contains("damaged frames (")).map(String::from).next()
         });
-        let told = told.expect("damage within twenty runs of two seconds each");
-        assert!(told[0].as_str().unwrap().contains("damaged frames ("), "{told:?}");
-        let from = "SubDevice 1: ";
-        assert!(told.iter().any(|told| told.as_str().unwrap().starts_with(from)), "{told:?}");
+        let told = told.expect("damage is seen within a hundred runs");
+        assert!(told.starts_with("SubDevice 1: "), "{told}");
     });
 }
 
@@ -387,9 +391,8 @@ fn doctor_names_what_is_wrong_behind_a_cable() {
     let tables = "[[subdevice]]\nkind = \"servo\"\nalias = 7\n[[subdevice]]\nkind = \"sii\"\nsii = \"gateway.bin\"\n\
                 [[subdevice]]\nkind = \"servo\"\nalias = 7\nentry_port = 1\n";
     std::fs::write(&file, tables).unwrap();
-    // A frame now and then, a minute long: a scan bears that, and some look at the counters meets one.
-    let damage = (0..300).map(|number| format!("crc-errors@1:{:.1}:1", 0.2 * f64::from(number)));
-    let damage: Vec<String> = damage.flat_map(|fault| ["--fault".to_owned(), fault]).collect();
+    // A scan bears that, and some look at the counters meets one.
+    let damage = now_and_then();
     let page: serde_json::Value = namespace.run(|| {
         let mut arguments = vec![file.to_str().unwrap()];
         arguments.extend(damage.iter().map(String::as_str));
