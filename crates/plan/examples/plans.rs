@@ -1,7 +1,8 @@
 //! Random plans in random rooms: none touches anything by a look of its own, and how long they are against the best known.
 //!
 //! `cargo run --release -p omnibase-plan --example plans -- 100000` prints the table; a second argument is a file for the plans, a room a
-//! line, which `check_plans.py` beside this file looks at with shapely.
+//! line, which `check_plans.py` beside this file looks at with shapely. With `lengths` in place of it only rooms count whose best ways
+//! are looked for.
 
 mod written;
 
@@ -21,6 +22,8 @@ const EACH: usize = 20;
 const GRAPHS: usize = 20;
 /// One room in so many has a wall across it with a door that the long robot passes with one heading alone.
 const DOORS: usize = 2;
+/// A way may be so many times as long as the best one that is known.
+const LONGER: f64 = 1.01;
 /// The door's width, m.
 const DOOR_M: [f64; 2] = [0.66, 1.0];
 
@@ -227,8 +230,10 @@ fn percentile(sorted: &[f64], share: f64) -> f64 {
 
 fn main() {
     let count: usize = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(10_000);
-    let mut file = std::env::args()
-        .nth(2)
+    let second = std::env::args().nth(2);
+    let of_lengths = second.as_deref() == Some("lengths");
+    let mut file = second
+        .filter(|_| !of_lengths)
         .map(|name| BufWriter::new(File::create(name).expect("the file can be written")));
     let rectangle = |length: f64, width: f64| {
         let (a, b) = (0.5 * length, 0.5 * width);
@@ -254,7 +259,8 @@ fn main() {
     );
     let mut rows = robots.each_ref().map(|_| Row::default());
     let rooms = count / robots.len() / EACH;
-    for number in 0..rooms {
+    let is_measured = |number: usize| number % GRAPHS < DOORS;
+    for number in (0..rooms).filter(|number| !of_lengths || is_measured(*number)) {
         let mut random = Random(17 + number as u64);
         let mut blocks = blocks(&mut random);
         if number % DOORS == 1 {
@@ -266,11 +272,12 @@ fn main() {
             blocks.iter().for_each(|block| map.block_polygon(block));
             Space::new(map)
         };
-        let is_measured = number % GRAPHS < DOORS;
+        let is_measured = is_measured(number);
         let (space, fine) = (room(CELL_M), is_measured.then(|| room(0.5 * CELL_M)));
         // All robots in each room: a run that is ended has looked at all of them.
         for ((_, footprint, is_disc), row) in robots.iter().zip(&mut rows) {
-            let graph = (*is_disc && is_measured)
+            // It takes minutes.
+            let graph = (*is_disc && is_measured && !of_lengths)
                 .then(|| Graph::new(footprint.outer_radius_m() + CLEARANCE_M, &blocks));
             let fine = fine.as_ref().filter(|_| !is_disc);
             let scene = Scene { number, space: &space, fine, footprint, blocks: &blocks, graph };
@@ -290,10 +297,11 @@ fn main() {
             "-".to_owned()
         } else {
             format!(
-                "{mean:.4} / {:.4} / {:.4} ({} ways)",
+                "{mean:.4} / {:.4} / {:.4} ({} ways, {} beyond {LONGER})",
                 percentile(&row.ratios, 0.99),
                 percentile(&row.ratios, 1.0),
-                row.ratios.len()
+                row.ratios.len(),
+                row.ratios.iter().filter(|ratio| **ratio > LONGER).count()
             )
         };
         println!(
@@ -313,6 +321,9 @@ fn main() {
     }
     if let Some(mut file) = file {
         file.flush().expect("the file can be written");
+    }
+    if of_lengths {
+        return;
     }
     let [(disc, of_disc, _), _, (long, of_long, _)] = &robots;
     cold(disc, of_disc, 200, false);
@@ -446,7 +457,7 @@ fn ask(row: &mut Row, random: &mut Random, scene: &Scene<'_>) -> Option<Plan> {
             }
             if let Some(best) = best.filter(|best| *best > 0.2) {
                 row.ratios.push(plan.length_m / best);
-                if plan.length_m > 1.01 * best {
+                if plan.length_m > LONGER * best {
                     eprintln!(
                         "room {number}: {:.3} of {best:.3} m: {from:?} to {to:?}, {:?}",
                         plan.length_m, plan.by

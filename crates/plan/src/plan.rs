@@ -281,22 +281,22 @@ impl<'a> Planner<'a> {
                 }
                 let mut coarse = self.checker.coarse(self.clearance_m);
                 let outer = Search::new(space, &clearance, outer_m).until(until);
-                let turning = match Turning::new(space, &mut coarse, outer, search, outer_m) {
-                    Some(mut turning) => turning.shortest(&self.ends[0], &self.ends[1]),
+                let [from, to] = self.ends;
+                let ways = match Turning::new(space, &mut coarse, outer, search, outer_m) {
+                    Some(mut turning) => turning.shortest(&from, &to),
                     None if disc.is_none() => {
                         return Err(PlanError::TooLarge { found: space.clearance().len() });
                     }
-                    None => None,
+                    None => Vec::new(),
                 };
-                let turning = turning.map(|places| self.turned(&places));
-                match (disc, turning) {
-                    (Some(disc), Some(turning)) if length(&disc) <= length(&turning) => {
-                        Ok(self.finished(disc, By::Disc))
-                    }
-                    (_, Some(turning)) => Ok(self.finished(turning, By::Turning)),
-                    (Some(disc), None) => Ok(self.finished(disc, By::Disc)),
-                    (None, None) => Err(PlanError::NoTurn),
-                }
+                // How long a way is, is known once it is drawn taut.
+                let turning = ways.iter().map(|places| {
+                    let way = self.turned(places);
+                    self.finished(way, By::Turning)
+                });
+                let mut plans: Vec<Plan> = turning.collect();
+                plans.extend(disc.map(|way| self.finished(way, By::Disc)));
+                plans.into_iter().min_by(|a, b| a.length_m.total_cmp(&b.length_m)).ok_or(PlanError::NoTurn)
             }
         }
     }
@@ -449,11 +449,19 @@ impl<'a> Planner<'a> {
         let turn_length = self.task.footprint.outer_radius_m() / cell_m;
         let way = match self.task.cost {
             Cost::Shortest => {
-                let fine = divided(&way, SPACING_M / cell_m, turn_length);
-                let short = shortened(&fine, &mut self.checker);
-                let mut tight =
-                    shortened(&divided(&short, 2.0 * SPACING_M / cell_m, turn_length), &mut self.checker);
-                tightened(&mut tight, &mut self.checker, TIGHTENINGS[0]);
+                let mut tight = way;
+                // What is left out depends on the end from which it is looked at: from both in turn. A disc leaves out the same.
+                let times = if self.checker.is_nearly_disc() { 1 } else { 2 };
+                for _ in 0..times {
+                    let fine = divided(&tight, SPACING_M / cell_m, turn_length);
+                    let short = shortened(&fine, &mut self.checker);
+                    tight =
+                        shortened(&divided(&short, 2.0 * SPACING_M / cell_m, turn_length), &mut self.checker);
+                    tightened(&mut tight, &mut self.checker, TIGHTENINGS[0]);
+                    if times > 1 {
+                        tight.reverse();
+                    }
+                }
                 // Along an arc pieces half as long are a quarter as much longer than it.
                 let mut tight = divided(&tight, SPACING_M / cell_m, turn_length);
                 tightened(&mut tight, &mut self.checker, TIGHTENINGS[1]);

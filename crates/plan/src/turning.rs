@@ -38,6 +38,8 @@ const HEADINGS: [usize; 2] = [16, 96];
 const PARTS: [f64; 3] = [-1.0 / 3.0, 0.0, 1.0 / 3.0];
 /// Where an outline that is smaller by this all around doesn't fit the whole one fits nowhere near, in cells.
 const FIT: f64 = 0.8;
+/// A way for which more states than this were taken isn't looked for from the other end, too: it takes as long again.
+const MOST_TAKEN_TWICE: usize = 100_000;
 /// Most places with headings, about 10 bytes each: a robot's process keeps all its memory locked.
 const MOST_STATES: usize = 1 << 27;
 /// Most cells of a map in which turning is looked at.
@@ -94,6 +96,8 @@ pub struct Turning<'a, 'c> {
     turn_cost: f32,
     /// Of each state: [`UNKNOWN`], [`FREE`] or [`BLOCKED`].
     looked: Vec<u8>,
+    /// States from which a way was looked for.
+    taken: usize,
 }
 
 impl<'a, 'c> Turning<'a, 'c> {
@@ -129,6 +133,7 @@ impl<'a, 'c> Turning<'a, 'c> {
             headings,
             turn_cost: (TURN_COST * outer_cells) as f32,
             looked: vec![UNKNOWN; cells * headings],
+            taken: 0,
         })
     }
 
@@ -246,8 +251,9 @@ impl<'a, 'c> Turning<'a, 'c> {
         found
     }
 
-    /// The places of the shortest way between two poses in cells; `None` where there is none.
-    pub fn shortest(&mut self, from: &Pose2, to: &Pose2) -> Option<Vec<Place>> {
+    /// The places of ways between two poses in cells: the shortest as it is looked for from the first one and from the last one, which
+    /// are off by other roundings; none where there is none.
+    pub fn shortest(&mut self, from: &Pose2, to: &Pose2) -> Vec<Vec<Place>> {
         let regions = self.regions();
         // Doors that are hardly wide enough are looked for only where there is no other way.
         for everywhere in [false, true] {
@@ -261,13 +267,20 @@ impl<'a, 'c> Turning<'a, 'c> {
             let is_there = self.hang_together(&begins, &ends, &regions);
             self.fits_everywhere = false;
             if is_there {
-                return self.way(&begins, &ends);
+                let way = self.way(&begins, &ends);
+                let is_soon_found = self.taken <= MOST_TAKEN_TWICE;
+                let back = is_soon_found.then(|| self.way(&ends, &begins)).flatten();
+                let turned_round = |mut way: Vec<Place>| {
+                    way.reverse();
+                    way
+                };
+                return way.into_iter().chain(back.map(turned_round)).collect();
             }
             if self.inner.queue().is_over() {
                 break;
             }
         }
-        None
+        Vec::new()
     }
 
     /// The places of the shortest way from any of the first states to any of the last ones.
@@ -294,6 +307,7 @@ impl<'a, 'c> Turning<'a, 'c> {
             if std::mem::replace(&mut tree.done[state], true) {
                 continue;
             }
+            self.taken += 1;
             if is_end.contains(&state) {
                 return Some(self.places(state, &tree.parent));
             }

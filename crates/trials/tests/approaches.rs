@@ -7,22 +7,22 @@ use omnibase_trials::approaches::{register_kinematic, run};
 use omnibase_trials::replans::{self, Replans};
 use omnibase_trials::{plan_of, robots};
 
-/// What braking may give back where an obstacle drives through a robot and its nearest side becomes another one, m.
-const GIVEN_BACK_M: f64 = 1e-5;
+/// Less than this isn't nearer, m: rounding.
+const ROUNDING_M: f64 = 1e-9;
 
-/// Seeds 1 to 2000, and two that are known to be hard; the body follows the setpoint one cycle late, which the margins hold, and its odometry drifts, which `sigmas` do.
+/// Seeds 1 to 2000, two that are known to be hard, and three in which an obstacle drives through a robot past the middle between its sides; the body follows the setpoint one cycle late, which the margins hold, and its odometry drifts, which `sigmas` do.
 #[test]
 fn no_footprint_crosses_a_fence_or_meets_an_obstacle_by_its_own_motion() {
     let mut registry = Registry::with_built_in();
     register_kinematic(&mut registry);
     let bases = [plan_of(robots::BMM), plan_of(robots::MECANUM)];
     let (mut limited, mut fenced, mut fast, mut off, mut given_up) = (0, 0, 0, 0, 0);
-    for seed in (1..=2000).chain([76_270, 78_885]) {
+    for seed in (1..=2000).chain([76_270, 78_885, 16_002_034, 26_027_183, 26_087_088]) {
         let result = run(&bases[(seed % 2) as usize], &registry, seed, AvoidanceKind::Guarded);
         assert!(result.fence_m > 0.0, "seed {seed}: {result:?}");
         assert!(result.true_fence_m > 0.0, "seed {seed}: {result:?}");
         assert!(result.standing_m > 0.0, "seed {seed}: {result:?}");
-        assert!(result.own_step_m < GIVEN_BACK_M, "seed {seed}: {result:?}");
+        assert!(result.own_step_m < ROUNDING_M, "seed {seed}: {result:?}");
         assert!(result.shares.iter().all(|share| *share <= 1.0 + 1e-6), "seed {seed}: {result:?}");
         limited += u32::from(result.limited > 0);
         fenced += u32::from(result.fence_m < 0.1);

@@ -66,7 +66,8 @@ fn a_long_robot_turns_to_pass_a_door_that_one_heading_passes() {
     assert_eq!(plan.by, By::Turning);
     assert_eq!(touched(&plan, &footprint, &walls), None);
     let in_door = plan.poses.iter().find(|pose| (pose.x_m - 4.1).abs() < 0.1).unwrap();
-    assert!(in_door.heading_rad.sin().abs() < 0.2, "{in_door:?}");
+    // With its clearance it fits by 0.45 rad at most.
+    assert!(in_door.heading_rad.sin().abs() < 0.4, "{in_door:?}");
     assert_eq!(plan.poses[0], Pose2::new(1.5, 1.5, 1.57));
     let end = plan.poses[plan.poses.len() - 1];
     assert!(
@@ -150,6 +151,39 @@ fn a_long_robot_turns_where_that_is_a_tenth_shorter() {
     let found = plan(&ask(&space, &long, [[1.0, 3.0, upright], [7.0, 3.0, upright]])).unwrap();
     assert!(found.by == By::Turning && found.length_m < 6.06, "{:?}, {} m", found.by, found.length_m);
     assert_eq!(touched(&found, &long, &walls), None);
+}
+
+#[test]
+fn a_way_is_as_short_as_the_way_back() {
+    let mut state = 5_u64;
+    let mut between = |low: f64, high: f64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * (state >> 33) as f64 / (1_u64 << 31) as f64
+    };
+    let footprint = long();
+    let mut turning = 0;
+    for room_number in 0..6 {
+        let walls: Vec<[f64; 4]> = (0..8)
+            .map(|_| {
+                let (x, y) = (between(1.0, 7.0), between(1.0, 5.0));
+                let (w, h) = (between(0.05, 0.8), between(0.05, 0.4));
+                [x - w, y - h, x + w, y + h]
+            })
+            .collect();
+        let space = room(&walls);
+        for number in 0..8 {
+            let [there, back] = {
+                let mut end = || [between(0.8, 7.2), between(0.8, 5.2), between(-3.0, 3.0)];
+                let [from, to] = [end(), end()];
+                [[from, to], [to, from]].map(|ends| plan(&ask(&space, &footprint, ends)))
+            };
+            let (Ok(there), Ok(back)) = (there, back) else { continue };
+            turning += usize::from(there.by == By::Turning);
+            let ratio = there.length_m / back.length_m;
+            assert!((0.99..1.01).contains(&ratio), "{room_number}, {number}: {ratio}");
+        }
+    }
+    assert!(turning > 3, "{turning}");
 }
 
 #[test]

@@ -195,6 +195,15 @@ impl<'a> Body<'a> {
         Sight { normal: self.told(sight.normal), ..sight }
     }
 
+    /// The sides through which a point that moves straight on is soonest out, while it is inside: each at some part of its course.
+    /// Normals are in odom.
+    pub(super) fn sides_within(&self, from: Point, along: Point) -> impl Iterator<Item = Sight> + use<'a> {
+        let (body, from, along) = (*self, self.place_seen(from), self.seen(along));
+        self.outline
+            .sides_within(from, along)
+            .map(move |sight| Sight { normal: body.told(sight.normal), ..sight })
+    }
+
     /// The distance to a patch; where both overlap, minus the depth by which they do. Where it isn't less than `enough_m`: any
     /// number that isn't, either.
     pub(crate) fn distance_m(&self, patch: &Patch, enough_m: f64) -> f64 {
@@ -261,6 +270,33 @@ impl Outline {
             let distance = from_side.sqrt();
             Sight { normal: [sight.normal[0] / distance, sight.normal[1] / distance], ..sight }
         }
+    }
+
+    fn sides_within(&self, from: Point, along: Point) -> impl Iterator<Item = Sight> + '_ {
+        // How far right of a side the point is: at first, and by how much more at the end.
+        let courses =
+            move || self.sides.iter().map(move |side| [side.right_of_it_m(from), dot(side.right, along)]);
+        let is_nearest = move |number: usize, [begin, more]: [f64; 2]| {
+            let before =
+                |(other, [least, rise]): (usize, [f64; 2])| (other < number, [begin - least, more - rise]);
+            let others = courses().enumerate().filter(|(other, _)| *other != number).map(before);
+            let (mut least, mut most) = (0.0_f64, 1.0_f64);
+            // Each of these is above 0 on one part of the course; of two sides that are equally near the first one counts.
+            for (is_strict, [begin, more]) in others.chain([(false, [-begin, -more])]) {
+                if more > 0.0 {
+                    least = least.max(-begin / more);
+                } else if more < 0.0 {
+                    most = most.min(-begin / more);
+                } else if begin < 0.0 || (is_strict && begin == 0.0) {
+                    return false;
+                }
+            }
+            least < most
+        };
+        let sides = self.sides.iter().zip(courses()).enumerate();
+        sides
+            .filter(move |(number, (_, course))| is_nearest(*number, *course))
+            .map(|(number, (side, _))| Sight { normal: side.right, part: 2 * number })
     }
 
     /// By how much a line along a side of either parts it from a patch at best (separating axes); where none does, minus by how

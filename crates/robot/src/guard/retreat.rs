@@ -9,8 +9,9 @@
 //!    enough that none of these leads along n, for n turned with the body by the ends of its turn.
 //! 2. A turn moves the point along n at a rate that is a sine of the angle, so that it keeps its sign between two angles
 //!    where it has the same; and so for the corner of a body that turns before something that stands.
-//! 3. While an obstacle drives straight on, n turns monotonously from its first value to its last one; where it stays
-//!    next to the same corner or side, what is linear in n and its place is bounded by the ends, too. Else no turn.
+//! 3. While an obstacle drives straight on, n turns monotonously from its first value to its last one, but where it gets inside:
+//!    there it is each side's in turn through which the way out is the shortest. Where it stays next to the same corner or
+//!    side, what is linear in n and its place is bounded by the ends, too. Else no turn.
 //!
 //! Translation and turn must each lead away for themselves, for one of them may end before the other.
 
@@ -18,7 +19,7 @@ use omnibase_platform::Pose2;
 
 use super::braking::Sweep;
 use super::fence::Fence;
-use super::outline::{Body, Outline, Place};
+use super::outline::{Body, Outline, Place, Sight};
 use super::shape::{Point, cross, dot, length, plus};
 use crate::signals::Setpoint;
 
@@ -108,17 +109,18 @@ impl<'a> Retreat<'a> {
 
     /// Whether it leads away from a point that moves along a straight course.
     pub(super) fn leaves(&self, from: Point, along: Point) -> bool {
-        let ends = [0.0, 0.5, 1.0].map(|part| plus(from, along, part));
+        let ends = [from, plus(from, along, 1.0)];
         let sights = ends.map(|point| self.body.sight(point));
-        if self.turns() && sights.iter().any(|sight| sight.part != sights[0].part) {
-            return false;
-        }
-        let begins = ends.iter().zip(sights).all(|(point, sight)| {
-            !self.leads_along(plus(*point, self.body.origin(), -1.0), sight.normal, Carrier::Body)
-        });
+        let is_kept = |sight: Sight| !self.turns() || sight.part == sights[0].part;
+        let stays = |sight: Sight| is_kept(sight) && !self.goes_along(sight.normal);
+        let begins = is_kept(sights[1])
+            && ends.iter().zip(sights).all(|(point, sight)| {
+                !self.leads_along(plus(*point, self.body.origin(), -1.0), sight.normal, Carrier::Body)
+            })
+            && self.body.sides_within(from, along).all(stays);
         // What was gained isn't given back at the end, either, where another part of the body may be the nearest.
         begins && {
-            let (point, normal) = (ends[2], self.end.sight(ends[2]).normal);
+            let (point, normal) = (ends[1], self.end.sight(ends[1]).normal);
             let moment_m = cross(plus(point, self.end.origin(), -1.0), normal);
             !self.goes_along(normal) && !self.turn_rad.iter().any(|turn| turn * moment_m > ROUNDING)
         }

@@ -230,6 +230,33 @@ fn a_corner_that_would_come_nearer_forbids_the_turn_and_no_other() {
 }
 
 #[test]
+fn an_obstacle_that_drives_through_the_footprint_is_brought_nearer_by_none_of_its_sides() {
+    let triangle = [0.0_f64, 2.0, 4.0].map(|third| {
+        let angle = third * std::f64::consts::FRAC_PI_3;
+        [1.2 * angle.cos(), 1.2 * angle.sin()]
+    });
+    let mut moved = 0_u32;
+    for number in 0..200 {
+        // In at the rear, out at the right, past the middle, where it is nearest to the left for a few cycles: that is where the robot is sent.
+        let beside_m = 0.001 * f64::from(number);
+        let obstacle = Obstacle {
+            centre_m: [beside_m - 1.0, beside_m + 1.0],
+            radius_m: 0.05,
+            velocity_m_s: [2.0, -2.0],
+        };
+        let mut bench = Bench::new(&GuardPlan { obstacles: vec![obstacle], ..plan_around(&triangle) });
+        for cycle in 0..250 {
+            let before = bench.pose();
+            let after = bench.stick(Twist2::new(0.3, 0.3, 0.0)).odom_from_body;
+            let [was_m, is_m] = [&before, &after].map(|pose| bench.distances_m(pose)[0]);
+            assert!(was_m > 0.0 || is_m >= was_m - 1e-9, "{number}, cycle {cycle}: {was_m} to {is_m}");
+            moved += u32::from(was_m < 0.0 && after != before);
+        }
+    }
+    assert!(moved > 1000, "{moved}");
+}
+
+#[test]
 fn what_a_turn_away_gained_is_not_given_back() {
     let beside = Obstacle { centre_m: [0.3, 0.25], radius_m: 0.02, velocity_m_s: [0.0; 2] };
     let mut moved = 0_u32;
