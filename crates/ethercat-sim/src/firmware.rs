@@ -247,7 +247,9 @@ impl Application for Firmware {
     fn inject(&mut self, fault: &ApplicationFault, _: HostTime) -> bool {
         match fault {
             // A chip alone has no error of its own.
-            ApplicationFault::AlError(_) if self.config.state_control == StateControl::Emulated => return false,
+            ApplicationFault::AlError(_) if self.config.state_control == StateControl::Emulated => {
+                return false;
+            }
             ApplicationFault::AlError(code) => self.injected = Some(AlStatusCode(*code)),
             ApplicationFault::DriveFault(code) => return self.device.fault(&mut self.dictionary, *code),
             ApplicationFault::MailboxSilence(silent) => self.silent = *silent,
