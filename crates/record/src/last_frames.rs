@@ -26,6 +26,8 @@ const BEHIND_NS: u64 = 1_000_000_000;
 const MOST_FILES: usize = 10;
 /// An unanswered frame is one that is older than this when others come back, ns.
 const UNANSWERED_NS: u64 = 100_000_000;
+/// Frames that are sent at once, on both ends of a ring, are no later ones of each other, ns.
+const AT_ONCE_NS: u64 = 50_000;
 /// Datagrams whose counters are remembered; more aren't judged.
 const MOST_KNOWN: usize = 4096;
 /// AL status register's bit that says that something is wrong.
@@ -103,13 +105,22 @@ impl LastFrames {
 /// A datagram as it comes again every cycle: place in the frame, command, address, length.
 type Place = (usize, u8, u32, usize);
 
+/// A frame that was sent, by its first datagram.
+struct Sent {
+    unix_ns: u64,
+    index: u8,
+    place: Place,
+}
+
 struct Keeper {
     keep: KeepFrames,
     told: Arc<AtomicBool>,
     frames: VecDeque<Entry>,
     counters: HashMap<Place, u16>,
-    /// Frames that were sent and not answered, by their first datagram's index and command.
-    awaited: VecDeque<(u64, [u8; 2])>,
+    /// Frames that were sent and not answered.
+    awaited: VecDeque<Sent>,
+    /// The MainDevice acknowledges errors with the state that it asks for: who has none may repeat that in its AL status.
+    acknowledges: bool,
     /// What went wrong, and when what follows is enough.
     incident: Option<(String, u64)>,
     /// The number of the next file.
@@ -125,6 +136,7 @@ impl Keeper {
             frames: VecDeque::new(),
             counters: HashMap::new(),
             awaited: VecDeque::new(),
+            acknowledges: false,
             incident: None,
             number: 1,
             kept: Kept::default(),
@@ -163,14 +175,25 @@ impl Keeper {
     }
 
     fn sent(&mut self, entry: &Entry) -> Option<String> {
-        let first = Datagrams::new(&entry.frame).ok()?.next()?.ok()?;
-        self.awaited.push_back((entry.unix_ns, [first.header.index, first.header.command]));
-        let (oldest, _) = *self.awaited.front()?;
-        let is_lost = entry.unix_ns.saturating_sub(oldest) > UNANSWERED_NS;
-        if is_lost {
+        for datagram in Datagrams::new(&entry.frame).ok()?.flatten() {
+            let is_asked = datagram.header.address >> 16 == u32::from(register::AL_CONTROL);
+            if is_asked && datagram.data.len() >= 2 {
+                self.acknowledges = u16_at(datagram.data, 0) & AL_ERROR != 0;
+            }
+        }
+        let header = Datagrams::new(&entry.frame).ok()?.next()?.ok()?.header;
+        let place = (0, header.command, header.address, header.length);
+        let age_ns = |sent: &Sent| entry.unix_ns.saturating_sub(sent.unix_ns);
+        let oldest_ns = self.awaited.front().map_or(0, age_ns);
+        // The next of its kind is sent: a cycle is over, and its answer comes too late if it comes.
+        let before = self.awaited.len();
+        self.awaited.retain(|sent| sent.place != place || age_ns(sent) <= AT_ONCE_NS);
+        let is_late = self.awaited.len() < before;
+        self.awaited.push_back(Sent { unix_ns: entry.unix_ns, index: header.index, place });
+        if oldest_ns > UNANSWERED_NS {
             self.awaited.clear();
         }
-        is_lost.then(|| "a frame got no answer".to_owned())
+        (is_late || oldest_ns > UNANSWERED_NS).then(|| "a frame got no answer in its time".to_owned())
     }
 
     fn back(&mut self, entry: &Entry) -> Option<String> {
@@ -179,9 +202,9 @@ impl Keeper {
             let Ok(datagram) = datagram else { return Some("a frame came back damaged".to_owned()) };
             let header = &datagram.header;
             if number == 0 {
-                let own = [header.index, header.command];
+                let is_own = |sent: &Sent| (sent.index, sent.place.1) == (header.index, header.command);
                 // Those before it were lost, or come later: both are told.
-                if let Some(at) = self.awaited.iter().position(|(_, sent)| *sent == own) {
+                if let Some(at) = self.awaited.iter().position(is_own) {
                     if at > 0 {
                         words = Some("a frame got no answer, but later ones did".to_owned());
                     }
@@ -203,7 +226,10 @@ impl Keeper {
             }
             let is_status =
                 header.address >> 16 == u32::from(register::AL_STATUS) && datagram.data.len() >= 2;
-            if is_status && counter > 0 && u16_at(datagram.data, 0) & AL_ERROR != 0 {
+            let is_error = is_status && counter > 0 && u16_at(datagram.data, 0) & AL_ERROR != 0;
+            // With its code, where that is read, too: a repeated acknowledgement has none.
+            let has_code = datagram.data.len() >= 6 && u16_at(datagram.data, 4) != 0;
+            if is_error && (has_code || !self.acknowledges) {
                 words = Some("a SubDevice shows an error in its AL status".to_owned());
             }
         }
@@ -324,7 +350,7 @@ mod tests {
     fn what_came_before_and_behind_is_written_when_a_counter_falls_or_an_answer_is_missing() {
         for (name, counter, is_answered, words) in [
             ("short", 2, true, "datagram 0: working counter 2 behind 3"),
-            ("lost", 3, false, "a frame got no answer, but later ones did"),
+            ("lost", 3, false, "a frame got no answer in its time"),
         ] {
             let (kept, path) = kept(name, counter, is_answered);
             assert_eq!(kept.files, [(path.clone(), words.to_owned())]);
@@ -397,6 +423,55 @@ mod tests {
             assert!(times.len() > 190, "{}", times.len());
             std::fs::remove_file(file).unwrap();
         }
+    }
+
+    /// What became of frames at these times in us, with these bytes.
+    fn kept_of(name: &str, frames: &[(u64, Direction, Vec<u8>)]) -> Vec<String> {
+        let path = std::env::temp_dir().join(format!("omnibase-{}-{name}.pcapng", std::process::id()));
+        let (interface, seconds) = ("eth1".to_owned(), Duration::from_secs(2));
+        let keep = KeepFrames { path, interface, seconds, when_full: WhenFull::Wait };
+        let mut keeper = Keeper::new(keep, Arc::default());
+        for (time_us, direction, frame) in frames {
+            let (unix_ns, direction, frame) = (1000 * time_us, *direction, frame.clone());
+            keeper.take(Entry { unix_ns, direction, frame }).unwrap();
+        }
+        let files = keeper.end(false).unwrap().files.into_iter();
+        files.map(|(path, words)| std::fs::remove_file(path).map(|()| words).unwrap()).collect()
+    }
+
+    /// An answer that comes behind the next cycle's frame is none for its cycle; both ends of a ring send at once.
+    #[test]
+    fn an_answer_behind_the_next_cycle_is_late() {
+        let (out, back) = (Direction::Outbound, Direction::Inbound);
+        let sound =
+            [(0, out, 1), (10, out, 1), (90, back, 1), (100, back, 1), (1000, out, 2), (1090, back, 2)];
+        let late =
+            [(0, out, 1), (1000, out, 2), (1010, back, 1), (1090, back, 2), (2000, out, 3), (2090, back, 3)];
+        let frames = |all: &[(u64, Direction, u8)]| -> Vec<_> {
+            all.iter().map(|(time_us, way, index)| (*time_us, *way, frame(*index, 3))).collect()
+        };
+        assert_eq!(kept_of("in-time", &frames(&sound)), Vec::<String>::new());
+        assert_eq!(kept_of("late", &frames(&late)), ["a frame got no answer in its time"]);
+    }
+
+    /// On the way down errors are acknowledged by the way, and a chip alone repeats that; its own error has a code.
+    #[test]
+    fn a_repeated_acknowledgement_is_no_error() {
+        let status = |direction, register, data: &[u8]| {
+            let mut frame = FrameBuilder::new();
+            let command = if direction == Direction::Outbound { Command::Fpwr } else { Command::Fprd };
+            frame.push(command, 7, Address::Station { station: 0x1001, register }, data).unwrap();
+            let mut bytes = frame.bytes().to_vec();
+            let at = 16 + 10 + data.len();
+            bytes[at..at + 2].copy_from_slice(&1u16.to_le_bytes());
+            (0, direction, bytes)
+        };
+        let shown = |data: &[u8]| status(Direction::Inbound, register::AL_STATUS, data);
+        let acknowledged = status(Direction::Outbound, register::AL_CONTROL, &[0x12, 0]);
+        let error = ["a SubDevice shows an error in its AL status"];
+        assert_eq!(kept_of("error", &[shown(&[0x12, 0])]), error);
+        assert_eq!(kept_of("repeated", &[acknowledged.clone(), shown(&[0x12, 0])]), Vec::<String>::new());
+        assert_eq!(kept_of("code", &[acknowledged, shown(&[0x12, 0, 0, 0, 0x1B, 0])]), error);
     }
 
     #[test]
