@@ -117,6 +117,7 @@ fn what_cannot_be_read_is_an_error_in_words_and_code_1() {
         b"<EtherCATInfo><Vendor><Id>1</Id></Vendor><Descriptions><Modules><Module><Type ModuleIdent=\"1\">M</Type>\
           </Module></Modules></Descriptions></EtherCATInfo>",
     );
+    let long = "n".repeat(245);
     let cases = [
         (vec!["decode", "/no/such/file"], "error: reading `/no/such/file`: No such file or directory"),
         (vec!["decode", nonsense.path()], "not a capture: the file starts with 74 68 65 73"),
@@ -128,6 +129,10 @@ fn what_cannot_be_read_is_an_error_in_words_and_code_1() {
         (
             vec!["foe", "read", "sim:../../segments/three-servos.toml", "0", "new.bin", "--name", ""],
             "--name is empty: expected the file's name in the SubDevice",
+        ),
+        (
+            vec!["foe", "read", "sim:../../segments/three-servos.toml", "0", "new.bin", "--name", &long],
+            "--name has 245 bytes, SubDevice 0's mailbox carries 244 at most",
         ),
         (vec!["sii", "/no/such/file"], "error: reading `/no/such/file`: No such file or directory"),
         (vec!["sii", nonsense.path()], "SII image of 19 bytes is shorter than its fixed part of 128"),

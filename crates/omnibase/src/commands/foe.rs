@@ -10,6 +10,7 @@ use omnibase_ethercat::SetUpError;
 use omnibase_ethercat::field::FILE_TIMEOUT;
 use omnibase_ethercat::mailbox::{FileAccess, MailboxError, MailboxRequest};
 use omnibase_ethercat::wire::sii::PROTOCOL_FOE;
+use omnibase_ethercat::wire::{foe, mailbox};
 use std::io::Write;
 use std::path::PathBuf;
 
@@ -92,7 +93,7 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
     let content = small_file::read(file, small_file::FIRMWARE)?;
     ensure!(!content.is_empty(), "`{}` is empty: not written", file.display());
     let access = place.access(file)?;
-    let mut bus = place.open()?;
+    let mut bus = place.open(&access)?;
     // Half a firmware is none.
     let compared = to_the_end("a part of the file", || {
         place.write(&mut bus, &access, &content)?;
@@ -123,7 +124,7 @@ fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Out
     // Known before the device is brought to BOOT.
     new_file::check(file)?;
     let access = place.access(file)?;
-    let mut bus = place.open()?;
+    let mut bus = place.open(&access)?;
     let request = MailboxRequest::read_file(access.clone(), Vec::with_capacity(READ_LIMIT));
     let content = place.transfer(&mut bus, request).with_context(|| format!("file `{}`", access.name))?;
     place.leave(&mut bus)?;
@@ -148,8 +149,18 @@ impl Place {
     }
 
     /// The segment, and the SubDevice where it takes files.
-    fn open(&self) -> anyhow::Result<AnyBus> {
+    fn open(&self, access: &FileAccess) -> anyhow::Result<AnyBus> {
         let mut bus = open_at_rest(&self.target, self.position)?;
+        let header = &bus.subdevice(self.position)?.sii.header;
+        let area = if self.pre_op { header.mailbox } else { header.bootstrap_mailbox };
+        let room = usize::from(area.receive_size).saturating_sub(mailbox::HEADER + foe::HEADER);
+        // What it has no mailbox for is told below, by its state.
+        ensure!(
+            access.name.len() <= room || room == 0,
+            "--name has {} bytes, SubDevice {}'s mailbox carries {room} at most",
+            access.name.len(),
+            self.position
+        );
         if !self.pre_op {
             note(format_args!("SubDevice {}: to BOOT", self.position));
             bus.enter_boot(self.position)?;

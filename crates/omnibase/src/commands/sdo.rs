@@ -63,7 +63,7 @@ struct ListArguments {
   omnibase sdo read @robot 0 6041:00                      through the robot that runs on this machine
   omnibase sdo read sim:segments/three-sgdv.toml 0 6064:0 --type i32
 
-Index and subindex are hexadecimal. Without --type the type comes from the SubDevice's SDO Information, else
+Index and subindex are hexadecimal; behind a dot, as in a robot's file (0x2200.10), the subindex is decimal. Without --type the type comes from the SubDevice's SDO Information, else
 the bytes are shown. The segment is reset to INIT and brought to PRE-OP first, but that of a running robot
 (@robot), which reads beside its cycle.")]
 struct ReadArguments {
@@ -81,7 +81,7 @@ struct ReadArguments {
   omnibase sdo write eth1 0 6060:0 8 60c2:1 1 --type u8   several objects
   omnibase sdo write eth1 0 2000:1 0a0b0c --type hex      any bytes
 
-Index and subindex are hexadecimal; numbers are decimal, or hexadecimal with 0x. Stops at the first object that is
+Index and subindex are hexadecimal, the latter decimal behind a dot (0x2200.10); numbers are decimal, or hexadecimal with 0x. Stops at the first object that is
 refused. The segment is reset to INIT and brought to PRE-OP first. A running robot (@robot) writes beside its cycle,
 while no drive is enabled or what [bus] sdo_write_while_enabled of its file names, never what its cycle owns.")]
 struct WriteArguments {
@@ -343,15 +343,22 @@ fn object_json(object: ObjectAddress, data_type: DataType, data: &[u8]) -> Objec
     }
 }
 
-/// `index:subindex`, or `index.subindex` as a robot's file and messages have it, hexadecimal with or without 0x; a missing
-/// subindex is 0.
+/// `index:subindex`, hexadecimal with or without 0x, or `index.subindex` as a robot's file has it, whose subindex is decimal; a
+/// missing one is 0.
 fn parse_object(text: &str) -> Result<ObjectAddress, String> {
-    let (index, subindex) = text.split_once([':', '.']).unwrap_or((text, "0"));
     let digits = |text: &str| {
         let text = text.strip_prefix("0x").unwrap_or(text);
         u16::from_str_radix(text, 16).ok().filter(|_| !text.starts_with('+'))
     };
-    let subindex = digits(subindex).and_then(|subindex| u8::try_from(subindex).ok());
+    let (index, subindex) = match (text.split_once(':'), text.split_once('.')) {
+        (Some((index, subindex)), _) => {
+            (index, digits(subindex).and_then(|number| u8::try_from(number).ok()))
+        }
+        (None, Some((index, subindex))) => {
+            (index, subindex.parse().ok().filter(|_| !subindex.starts_with('+')))
+        }
+        (None, None) => (text, Some(0)),
+    };
     match (digits(index), subindex) {
         (Some(index), Some(subindex)) => Ok(ObjectAddress::new(index, subindex)),
         _ => {
@@ -369,8 +376,11 @@ mod tests {
         assert_eq!(parse_object("6041:00"), Ok(ObjectAddress::new(0x6041, 0)));
         assert_eq!(parse_object("0x1c12:0x1A"), Ok(ObjectAddress::new(0x1C12, 0x1A)));
         assert_eq!(parse_object("0x2200.1"), Ok(ObjectAddress::new(0x2200, 1)));
+        assert_eq!(parse_object("0x8000.10"), Ok(ObjectAddress::new(0x8000, 10)));
         assert_eq!(parse_object("1008"), Ok(ObjectAddress::new(0x1008, 0)));
-        for wrong in ["", ":", "6041:", "6041.0:1", "60411:0", "6041:100", "+1:0", "x:0"] {
+        for wrong in
+            ["", ":", "6041:", "6041.0:1", "6041.256", "6041.+1", "60411:0", "6041:100", "+1:0", "x:0"]
+        {
             assert!(parse_object(wrong).is_err(), "{wrong}");
         }
     }

@@ -50,7 +50,10 @@ fn a_makers_file_becomes_tables_that_a_robots_file_takes() {
         "dc = { assign_activate = \"0x0700\", sync0_per_cycle = 4, sync1_every = 4, sync1_shift_us = 20 }";
     let own = "dc = { assign_activate = \"0x0300\" }";
     assert!(drive.contains(&format!("\n{own}")) && drive.contains(&format!("\n# {other}")), "{drive}");
-    assert!(drive.contains("Its maker shifts SYNC0 by 30 us: add that to `bus.sync0_shift_us`"), "{drive}");
+    assert!(
+        drive.contains("In that mode its maker shifts SYNC0 by 30 us: add that to `bus.sync0_shift_us`"),
+        "{drive}"
+    );
     let waits = "timeouts = { init_ms = 5000, pre_op_ms = 3000, safe_op_op_ms = 10000, mailbox_ms = 6100 }";
     assert!(drive.contains(&format!("\n{waits}")), "{drive}");
     let warm_up = "{ object = \"0x2100\", type = \"u8\", value = 1, state = \"safe_op\" },";

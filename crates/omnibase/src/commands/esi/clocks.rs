@@ -23,8 +23,9 @@ pub fn modes(device: &Device, is_drive: bool, table: &mut RobotTable) {
         let shift_us = mode.sync0.shift_ns as f64 * 1e-3;
         if shift_us != 0.0 {
             let whose = if is_drive { "which all drives have" } else { "or the device's own in `dc`" };
+            let in_which = if given == Some(number) { "Its" } else { "In that mode its" };
             table.comment(&format!(
-                "Its maker shifts SYNC0 by {shift_us} us: add that to `bus.sync0_shift_us`, {whose}."
+                "{in_which} maker shifts SYNC0 by {shift_us} us: add that to `bus.sync0_shift_us`, {whose}."
             ));
         }
     }
