@@ -19,6 +19,7 @@ use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
 
+use crate::address_range;
 use crate::config::LrwPermission;
 use crate::process_data::{Direction, LogicalBits};
 use crate::subdevice::SubDevice;
@@ -153,11 +154,13 @@ impl ImagePlan {
         }
         let both_ways = members.iter().any(|member| !member.areas.is_empty());
         let combined = both_ways && members.iter().all(|member| member.lrw == LrwPermission::Allowed);
+        let start =
+            members.first().map_or(LOGICAL_START, |first| address_range::logical_start(first.station));
         let mut plan = ImagePlan {
             transport: if combined { Transport::Combined } else { Transport::Separate },
             clock,
-            outputs: Region { start: LOGICAL_START, length: 0 },
-            inputs: Region { start: LOGICAL_START, length: 0 },
+            outputs: Region { start, length: 0 },
+            inputs: Region { start, length: 0 },
             placements: Vec::new(),
             turns: turns::spread(members),
             frames: Vec::new(),
@@ -178,12 +181,12 @@ impl ImagePlan {
     }
 
     fn place_separate(&mut self, members: &[Member]) {
-        let mut cursor = BitCursor::new(LOGICAL_START);
+        let mut cursor = BitCursor::new(self.outputs.start);
         for (member, begins) in self.by_turn(members) {
             cursor.align_if(begins);
             self.place(member, Direction::Outputs, &mut cursor);
         }
-        self.outputs.length = cursor.length(LOGICAL_START);
+        self.outputs.length = cursor.length(self.outputs.start);
         let start = cursor.next_byte();
         let mut cursor = BitCursor::new(start);
         self.inputs.start = start;
@@ -197,7 +200,7 @@ impl ImagePlan {
     /// A SubDevice takes its outputs out of a datagram before it puts its inputs in, so its own may overlap; those
     /// of different SubDevices may not, for one would read the other's inputs as outputs.
     fn place_combined(&mut self, members: &[Member]) {
-        let mut cursor = BitCursor::new(LOGICAL_START);
+        let mut cursor = BitCursor::new(self.outputs.start);
         for (member, begins) in self.by_turn(members) {
             cursor.align_if(begins);
             let ways = |way| member.areas.iter().any(|area| area.direction == way);
@@ -210,7 +213,7 @@ impl ImagePlan {
             self.place(member, Direction::Inputs, &mut inputs);
             cursor = cursor.max(inputs);
         }
-        let length = cursor.length(LOGICAL_START);
+        let length = cursor.length(self.outputs.start);
         (self.outputs.length, self.inputs.length) = (length, length);
     }
 

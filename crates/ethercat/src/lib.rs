@@ -31,6 +31,7 @@
 #![cfg_attr(not(test), no_std)]
 extern crate alloc;
 
+mod address_range;
 pub mod bus;
 pub mod clock_setup;
 pub mod config;

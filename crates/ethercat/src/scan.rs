@@ -6,6 +6,7 @@ use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::time::Duration;
 
+use crate::address_range;
 use crate::bus::{Bus, MAX_SUBDEVICES, Warning};
 use crate::clock_setup;
 use crate::config::SubDeviceConfig;
@@ -22,8 +23,6 @@ use crate::wire::bytes::{u16_at, u32_at};
 use crate::wire::sii::{self, Image};
 use crate::wire::{AlState, Clock, Link, LinkError, register};
 
-/// Station address of the first SubDevice.
-const FIRST_STATION: u16 = 0x1001;
 /// Counts that must agree one after another, and how often that is tried.
 const COUNT_ATTEMPTS: u32 = 10;
 /// Pause after the ports were opened: a link needs it to be taken into the path of frames.
@@ -247,8 +246,13 @@ impl<L: Link, C: Clock> Bus<L, C> {
     }
 
     fn give_addresses(&mut self, count: u16) -> Result<Vec<Target>, SetUpError> {
+        let read = |what, position| Access::read_at(what, position, register::STATION_ADDRESS, 2);
+        let mut before: Vec<_> =
+            (0..count).map(|position| read("reading the station address", position)).collect();
+        self.transactor.perform(&mut before)?;
+        let first = address_range::first_station(before.iter().map(|read| u16_at(&read.data, 0)), count);
         let targets: Vec<Target> =
-            (0..count).map(|position| Target { position, station: FIRST_STATION + position }).collect();
+            (0..count).map(|position| Target { position, station: first + position }).collect();
         let mut writes: Vec<_> = targets
             .iter()
             .map(|target| {
@@ -262,17 +266,8 @@ impl<L: Link, C: Clock> Bus<L, C> {
             })
             .collect();
         self.transactor.perform(&mut writes)?;
-        let mut reads: Vec<_> = targets
-            .iter()
-            .map(|target| {
-                Access::read_at(
-                    "reading the station address back",
-                    target.position,
-                    register::STATION_ADDRESS,
-                    2,
-                )
-            })
-            .collect();
+        let mut reads: Vec<_> =
+            targets.iter().map(|target| read("reading the station address back", target.position)).collect();
         self.transactor.perform(&mut reads)?;
         for (target, read) in targets.iter().zip(&reads) {
             let found = u16_at(&read.data, 0);

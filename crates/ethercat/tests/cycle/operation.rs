@@ -116,3 +116,26 @@ fn whoever_is_plugged_in_meanwhile_keeps_nobody_from_the_way_back() {
         assert!(took < 1000, "{goal:?}: {took} frames");
     }
 }
+
+/// A drive keeps its supply while it is unplugged, and with it the addresses of the start that it took part in: plugged in again
+/// behind another start, it answers to nobody else's.
+#[test]
+fn who_was_unplugged_for_a_start_answers_to_no_address_of_another() {
+    let unplugged = Fault::CableCut { port: 1 };
+    let configs = |count| synchronous(count, MILLISECOND);
+    let segment = segment_file("three-servos.toml");
+    let mut runner = Runner::behind(segment, &configs(2), ClockDirection::CycleFollowsDc, |bus| {
+        bus.scan().unwrap();
+        bus.configure(&configs(3)).unwrap();
+        bus.transactor().link.segment().inject(1, unplugged).unwrap();
+    });
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
+    runner.segment().inject(1, Fault::CableRestored { port: 1 }).unwrap();
+    for cycle in 0..200 {
+        assert_eq!(runner.cycle(), Exchange::Complete, "cycle {cycle}");
+    }
+    let stations = runner.segment().sub_devices().iter();
+    let stations: Vec<_> = stations.map(|one| one.esc().peek(0x0010, 2).unwrap().to_vec()).collect();
+    assert_eq!(stations, [[0x01, 0x1E], [0x02, 0x1E], [0x03, 0x10]]);
+    assert_eq!(runner.to(Goal::Init), TransitionStatus::Reached(Goal::Init));
+}

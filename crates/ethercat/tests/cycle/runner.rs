@@ -64,9 +64,20 @@ pub struct Runner {
 impl Runner {
     /// From power-on to PRE-OP with everything configured.
     pub fn new(segment: Segment, configs: &[SubDeviceConfig], following: ClockDirection) -> Self {
+        Runner::behind(segment, configs, following, |_| {})
+    }
+
+    /// The same behind what was done by the bus before.
+    pub fn behind(
+        segment: Segment,
+        configs: &[SubDeviceConfig],
+        following: ClockDirection,
+        before: impl FnOnce(&mut Bus<SpyLink, VirtualClock>),
+    ) -> Self {
         let (link, clock) = in_process(segment);
         let link = SpyLink { inner: FaultLink::new(link, 1), commands: BTreeSet::new(), frames: 0 };
         let mut bus = Bus::new(link, clock, BusOptions::default());
+        before(&mut bus);
         bus.scan().unwrap();
         bus.configure(configs).unwrap();
         let ready = bus.into_cyclic(following).unwrap();
