@@ -126,7 +126,8 @@ fn who_was_unplugged_for_a_start_answers_to_no_address_of_another() {
     let segment = segment_file("three-servos.toml");
     let mut runner = Runner::behind(segment, &configs(2), ClockDirection::CycleFollowsDc, |bus| {
         bus.scan().unwrap();
-        bus.configure(&configs(3)).unwrap();
+        bus.configure(&[0, 1, 2].map(|_| SubDeviceConfig::default())).unwrap();
+        bus.request_state(&[2], AlState::SafeOp).unwrap();
         bus.transactor().link.segment().inject(1, unplugged).unwrap();
     });
     assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
