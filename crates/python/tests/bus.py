@@ -120,11 +120,14 @@ class OverACable(unittest.TestCase):
         self.assertIsInstance(self.once_in_op(lambda: omnibase.sdo_read("@robot", 0, "6041:0")), int)
 
     def once_in_op(self, ask):
-        """What a robot answers that is on its way to OP, or on its way back on a machine that kept it waiting."""
+        """What a robot answers that is on its way to OP, or on its way back on a machine that kept it waiting; nothing before it knows
+        its segment."""
         until = time.monotonic() + 60
         while True:
             try:
-                return ask()
+                if answer := ask():
+                    return answer
             except omnibase.Error:
-                self.assertLess(time.monotonic(), until)
-                time.sleep(0.1)
+                pass
+            self.assertLess(time.monotonic(), until)
+            time.sleep(0.1)
