@@ -3,7 +3,7 @@
 
 use libfuzzer_sys::fuzz_target;
 use omnibase_ethercat::mailbox::{
-    DEFAULT_TIMEOUT, FileAccess, Mailbox, MailboxRequest, ObjectList, Operation, ShortText,
+    DEFAULT_TIMEOUT, FileAccess, Mailbox, MailboxRequest, ObjectList, Operation,
 };
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::subdevice::{MailboxConfig, MemoryArea};
@@ -11,10 +11,6 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{HostTime, sii};
 use omnibase_ethercat::{Answer, Next, Procedure};
 use std::time::Duration;
-
-fn file() -> FileAccess {
-    FileAccess { name: ShortText::beginning(b"firmware.bin"), password: 7 }
-}
 
 /// More steps than any request of this target can take with honest answers.
 const MOST_STEPS: usize = 2_000_000;
@@ -39,8 +35,8 @@ fuzz_target!(|bytes: &[u8]| {
         1 => (Operation::Download { object, access }, vec![capacity; usize::from(capacity)]),
         2 => (Operation::ListLengths, Vec::with_capacity(usize::from(capacity))),
         3 => (Operation::List(ObjectList::All), Vec::with_capacity(usize::from(capacity) * 4)),
-        6 => (Operation::ReadFile(file()), Vec::with_capacity(usize::from(capacity) * 4)),
-        7 => (Operation::WriteFile(file()), vec![capacity; usize::from(capacity)]),
+        6 => (Operation::ReadFile, Vec::with_capacity(usize::from(capacity) * 4)),
+        7 => (Operation::WriteFile, vec![capacity; usize::from(capacity)]),
         4 => (Operation::DescribeObject { index: 0x6041 }, Vec::with_capacity(usize::from(capacity))),
         _ => {
             (Operation::DescribeEntry { object, value_info: 0xFF }, Vec::with_capacity(usize::from(capacity)))
@@ -48,7 +44,10 @@ fuzz_target!(|bytes: &[u8]| {
     };
     let granted = data.capacity();
     let mut now = HostTime(0);
-    let request = MailboxRequest::new(operation, data).with_timeout(Duration::from_millis(20));
+    // Of no meaning where it is about no file.
+    let file = FileAccess { name: "firmware.bin".to_owned(), password: 7 };
+    let request = MailboxRequest { file, ..MailboxRequest::new(operation, data) };
+    let request = request.with_timeout(Duration::from_millis(20));
     mailbox.start(request, now).expect("it is idle");
     let mut buffer = [0; 256];
     for step in 0.. {
