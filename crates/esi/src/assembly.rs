@@ -292,15 +292,8 @@ impl<'a> Assembly<'a> {
         let mut commands = vec![write(0, &[0], "the list of modules is emptied".to_owned())];
         for (slot, module) in (1..=u8::MAX).zip(&self.modules) {
             let ident = module.ident.unwrap_or(0);
-            commands.push(write(
-                slot,
-                &ident.to_le_bytes(),
-                if module.is_none() {
-                    format!("slot {slot} is empty")
-                } else {
-                    format!("slot {slot}: {}", module.type_name)
-                },
-            ));
+            let what = if module.is_none() { "empty" } else { &module.type_name };
+            commands.push(write(slot, &ident.to_le_bytes(), format!("slot {slot}: {what}")));
         }
         let count = self.modules.len().min(255) as u8;
         commands.push(write(0, &[count], "how many modules there are".to_owned()));

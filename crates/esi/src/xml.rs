@@ -1,6 +1,6 @@
 //! Elements of a document, read one by one: whatever nobody asks for is noted in the end.
 
-use std::cell::{Cell, RefCell};
+use std::cell::RefCell;
 
 use roxmltree::{Document, Node};
 
@@ -178,15 +178,17 @@ impl Reading {
 
     /// Notes every element and attribute below `root` that nobody asked for.
     pub fn note_unread(&self, root: Element, notes: &mut Notes) {
-        let noted_until = Cell::new(0);
-        let elements = root.node.descendants().filter(Node::is_element);
-        for node in elements.filter(|node| node.range().start >= noted_until.get()) {
-            let (seen, element) = (self.seen(node), Element { node, reading: self });
-            if !seen.is_read && !seen.is_noted {
-                element.skip(notes);
+        let mut noted_until = 0;
+        for node in root.node.descendants().filter(Node::is_element) {
+            if node.range().start < noted_until {
+                continue;
             }
-            if !seen.is_read || seen.is_noted {
-                noted_until.set(node.range().end);
+            let (seen, element) = (self.seen(node), Element { node, reading: self });
+            if seen.is_noted || !seen.is_read {
+                if !seen.is_noted {
+                    element.skip(notes);
+                }
+                noted_until = node.range().end;
                 continue;
             }
             let unread = node.attributes().enumerate().filter(|(at, _)| seen.attributes & bit(*at) == 0);
@@ -250,12 +252,13 @@ impl<'a, 'input> Element<'a, 'input> {
     pub fn children(self, notes: &mut Notes) -> impl Iterator<Item = Element<'a, 'input>> + use<'a, 'input> {
         self.is_there();
         let mut seen = Vec::new();
-        for child in self.elements().filter(|child| SINGLE.contains(&child.name())) {
-            let name = child.name();
-            if seen.contains(&name) && self.name().strip_suffix('s') != Some(name) {
+        let is_single = |name: &str| SINGLE.contains(&name) && self.name().strip_suffix('s') != Some(name);
+        for child in self.elements().filter(|child| is_single(child.name())) {
+            if seen.contains(&child.name()) {
                 child.problem("it stands there more than once: nobody knows which is meant", notes);
+            } else {
+                seen.push(child.name());
             }
-            seen.push(name);
         }
         self.elements()
     }

@@ -407,8 +407,9 @@ impl Transition {
             let status = u16_at(&item.data, 0);
             let code = AlStatusCode(u16_at(&item.data, 4));
             let programmed = programmed(member);
-            // A chip without a processor repeats the acknowledgement: it refuses nothing where it is.
-            let is_repeated = status & 0x0F == target.bits() && code == AlStatusCode(0);
+            // On the way down a chip without a processor repeats the acknowledgement: it refuses nothing where it is.
+            let is_there = status & 0x0F == target.bits() && code == AlStatusCode(0);
+            let is_repeated = is_there && self.goal != Goal::Op;
             if status & AlState::ERROR != 0 && !is_repeated {
                 return Some(TransitionError::StateRefused { position, target, status, code, programmed });
             }

@@ -276,21 +276,23 @@ fn a_second_simulator_on_one_interface_is_refused() {
 }
 
 /// A frame damaged five times a second on its way to SubDevice 1, for longer than the busiest machine takes for a test.
-fn now_and_then() -> Vec<String> {
-    let damage = (0..3000).map(|number| format!("crc-errors@1:{:.1}:1", 0.2 * f64::from(number)));
-    damage.flat_map(|fault| ["--fault".to_owned(), fault]).collect()
+fn now_and_then() -> impl Iterator<Item = String> {
+    (0..3000).map(|number| format!("crc-errors@1:{:.1}:1", 0.2 * f64::from(number)))
+}
+
+/// The segment of a file behind the cable, with what goes wrong in it.
+fn simulated(file: &str, faults: impl Iterator<Item = String>) -> Simulator {
+    let faults: Vec<String> = faults.flat_map(|fault| ["--fault".to_owned(), fault]).collect();
+    let arguments: Vec<&str> = std::iter::once(file).chain(faults.iter().map(String::as_str)).collect();
+    Simulator::start(&arguments).0
 }
 
 /// Frames that are damaged now and then cost exchanges: their end says where, by the counters of the chips.
 #[test]
 fn an_exchange_says_where_frames_were_damaged() {
     let Some(namespace) = Namespace::for_test("an_exchange_says_where_frames_were_damaged") else { return };
-    let damage = now_and_then();
     namespace.run(|| {
-        let file = segment("three-servos");
-        let mut arguments = vec![file.as_str()];
-        arguments.extend(damage.iter().map(String::as_str));
-        let (_simulator, _) = Simulator::start(&arguments);
+        let _simulator = simulated(&segment("three-servos"), now_and_then());
         let second = ["exchange", Namespace::NEAR, "--cycle-us", "10000", "--cycles", "100", "--json"];
         // Where the machine pauses a run may not get as far, or end with drives that its watchdogs took out of OP: it tells of
         // damage all the same, and of other things as well.
@@ -312,13 +314,9 @@ fn an_exchange_tells_who_was_plugged_in_meanwhile() {
     };
     let faults = (0..120).map(|n| 1.7 * f64::from(n));
     let faults = faults.flat_map(|n| [format!("power-off@2:{n:.1}"), format!("power-on@2:{:.1}", n + 0.8)]);
-    let faults: Vec<String> = faults.flat_map(|fault| ["--fault".to_owned(), fault]).collect();
     let report = |run: &Output| -> serde_json::Value { serde_json::from_slice(&run.stdout).unwrap() };
     namespace.run(|| {
-        let file = segment("three-servos");
-        let mut arguments = vec![file.as_str()];
-        arguments.extend(faults.iter().map(String::as_str));
-        let (_simulator, _) = Simulator::start(&arguments);
+        let _simulator = simulated(&segment("three-servos"), faults);
         let half_a_second = ["exchange", Namespace::NEAR, "--cycle-us", "10000", "--cycles", "50", "--json"];
         // It is lost in the midst of most runs, and where the machine pauses drives leave OP by their watchdogs.
         let mut runs = (0..60).map(|_| omnibase(&half_a_second)).filter(|run| run.stdout.starts_with(b"{"));
@@ -336,12 +334,8 @@ fn an_exchange_says_whose_firmware_hung() {
     let Some(namespace) = Namespace::for_test("an_exchange_says_whose_firmware_hung") else { return };
     let faults =
         (0..120).map(f64::from).flat_map(|n| [format!("freeze@1:{n}"), format!("unfreeze@1:{:.1}", n + 0.4)]);
-    let faults: Vec<String> = faults.flat_map(|fault| ["--fault".to_owned(), fault]).collect();
     namespace.run(|| {
-        let file = segment("three-servos");
-        let mut arguments = vec![file.as_str()];
-        arguments.extend(faults.iter().map(String::as_str));
-        let (_simulator, _) = Simulator::start(&arguments);
+        let _simulator = simulated(&segment("three-servos"), faults);
         let two_seconds = ["exchange", Namespace::NEAR, "--cycle-us", "10000", "--cycles", "200", "--json"];
         // Who freezes on its way to OP ends a run early.
         let mut runs = (0..30).map(|_| omnibase(&two_seconds)).filter(|run| run.stdout.starts_with(b"{"));
@@ -394,12 +388,9 @@ fn doctor_names_what_is_wrong_behind_a_cable() {
     let tables = "[[subdevice]]\nkind = \"servo\"\nalias = 7\n[[subdevice]]\nkind = \"sii\"\nsii = \"gateway.bin\"\n\
                 [[subdevice]]\nkind = \"servo\"\nalias = 7\nentry_port = 1\n";
     std::fs::write(&file, tables).unwrap();
-    // A scan bears that, and some look at the counters meets one.
-    let damage = now_and_then();
     let page: serde_json::Value = namespace.run(|| {
-        let mut arguments = vec![file.to_str().unwrap()];
-        arguments.extend(damage.iter().map(String::as_str));
-        let (_simulator, _) = Simulator::start(&arguments);
+        // A scan bears that, and some look at the counters meets one.
+        let _simulator = simulated(file.to_str().unwrap(), now_and_then());
         let look = || omnibase(&["doctor", Namespace::NEAR, "--segment", "--pauses-s", "0", "--json"]);
         // Where the machine pauses, damage adds up, and a scan finds nobody.
         let mut looks =
