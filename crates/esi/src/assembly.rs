@@ -4,7 +4,7 @@ mod doubts;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::dictionary::{OdObject, type_code, usual_bits};
+use crate::dictionary::{OdObject, usual_bits};
 use crate::doubt::Doubt;
 use crate::model::{Device, InitCommand, Module, Pdo, PdoEntry, SlotIndex, Slots, SmUse};
 use crate::notes::Problem;
@@ -221,6 +221,11 @@ impl<'a> Assembly<'a> {
                 doubts.push(Doubt::SamePdo { pdo: index, line: pdo.line });
                 continue;
             }
+            let (kind, [first, last]) =
+                if outputs { ("RxPdo", [0x1600, 0x17FF]) } else { ("TxPdo", [0x1A00, 0x1BFF]) };
+            if !(first..=last).contains(&index) {
+                doubts.push(Doubt::OddPdoIndex { line: pdo.line, kind, index, first, last });
+            }
             let excludes = || pdo.excludes.iter().map(|one| one.index);
             let stays = barred.get(&index).copied().or_else(|| excludes().find(|one| indices.contains(one)));
             if let Some(stays) = stays {
@@ -228,7 +233,7 @@ impl<'a> Assembly<'a> {
                 continue;
             }
             let contradicts = |entry: &&PdoEntry| {
-                let usual = type_code(&entry.data_type).map_or(0, usual_bits);
+                let usual = entry.type_code().map_or(0, usual_bits);
                 !entry.is_unclear && usual != 0 && usual != u32::from(entry.bits)
             };
             doubts.extend(pdo.entries.iter().filter(contradicts).map(|entry| Doubt::OtherType {

@@ -42,6 +42,19 @@ pub enum Doubt {
         /// Line of the one that is left out.
         line: u32,
     },
+    /// A PDO's index isn't of those that a SubDevice maps (ETG.1000.6).
+    OddPdoIndex {
+        /// Line of the PDO.
+        line: u32,
+        /// `RxPdo` or `TxPdo`.
+        kind: &'static str,
+        /// Its index.
+        index: u16,
+        /// The first index of its direction, and the last.
+        first: u16,
+        /// Likewise.
+        last: u16,
+    },
     /// Modules in two slots have a PDO or an object in common.
     SameIndices {
         /// Slots, from 1.
@@ -173,6 +186,11 @@ impl fmt::Display for Doubt {
             Doubt::SamePdo { pdo, line } => {
                 write!(f, "0x{pdo:04X} stands there twice: the one of line {line} is left out")
             }
+            Doubt::OddPdoIndex { line, kind, index, first, last } => write!(
+                f,
+                "the {kind} of line {line} is 0x{index:04X}, where those of its direction are 0x{first:04X} to 0x{last:04X}: a robot's \
+                 file takes no other"
+            ),
             Doubt::SameIndices { slots: [one, other], index } => write!(
                 f,
                 "the modules in slots {one} and {other} both have 0x{index:04X}: the file doesn't tell them apart"

@@ -6,7 +6,7 @@ use std::path::Path;
 
 use roxmltree::{Document, ParsingOptions};
 
-use crate::model::{Device, Module, Vendor};
+use crate::model::{Device, Module, Vendor, number};
 use crate::notes::Notes;
 use crate::xml::{Element, Reading};
 use crate::{bounds, encoding, read, slots, texts};
@@ -238,13 +238,29 @@ impl EsiFile {
             }
         })
     }
+}
 
-    /// The module of this type for a device: of the device's own list first. No name is a slot that stays empty.
-    pub fn module<'a>(&'a self, device: &'a Device, wanted: &str) -> Option<&'a Module> {
+impl Device {
+    /// The module for one of its slots, by type or ident (as in the file, `0x` or decimal): of its own list, or of these files.
+    /// No name is a slot that stays empty; several modules of a name are told apart by ident alone.
+    pub fn module<'a>(
+        &'a self,
+        files: impl Iterator<Item = &'a EsiFile>,
+        wanted: &str,
+    ) -> Result<&'a Module, String> {
         if wanted.is_empty() {
-            return Some(Module::none());
+            return Ok(Module::none());
         }
-        let own = device.slots.iter().flat_map(|slots| &slots.modules);
-        own.chain(&self.modules).find(|module| module.type_name == wanted)
+        let own = self.slots.iter().flat_map(|slots| &slots.modules);
+        let all: Vec<&Module> = own.chain(files.flat_map(|file| &file.modules)).collect();
+        let called: Vec<&Module> = all.iter().copied().filter(|module| module.type_name == wanted).collect();
+        if let Some(other) = called.iter().find(|module| module.ident != called[0].ident) {
+            let (one, other) = (number(called[0].ident), number(other.ident));
+            return Err(format!("several modules are called \"{wanted}\": say {one} or {other}"));
+        }
+        let ident = crate::xml::parse_number(wanted);
+        let of_ident = || all.iter().copied().find(|module| ident.is_some() && module.ident.map(i64::from) == ident);
+        let found = called.first().copied().or_else(of_ident);
+        found.ok_or_else(|| format!("no module is called \"{wanted}\" in the files: `omnibase esi FILE --modules` lists them"))
     }
 }

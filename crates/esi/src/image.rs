@@ -7,7 +7,6 @@ use omnibase_ethercat_wire::sii::{
 };
 
 use crate::Assembly;
-use crate::dictionary::type_code;
 use crate::model::{Device, FmmuUse, Mailbox, Pdo, SmUse};
 
 /// What stands in the EEPROM of the device, whatever modules are in its slots; `vendor_id` is the file's.
@@ -245,7 +244,7 @@ fn sii_pdo(pdo: &Pdo, default: Option<u8>, strings: &mut Strings) -> sii::Pdo {
     let entries = pdo.entries.iter().map(|entry| sii::PdoEntry {
         object: if entry.is_gap() { ObjectAddress::new(0, 0) } else { entry.object() },
         name: strings.index(entry.name.english()),
-        data_type: type_code(&entry.data_type).unwrap_or(0) as u8,
+        data_type: entry.type_code().unwrap_or(0) as u8,
         bit_length: entry.bits,
         flags: 0,
     });

@@ -188,6 +188,13 @@ pub struct PdoEntry {
     pub is_unclear: bool,
 }
 
+impl PdoEntry {
+    /// CoE's code of its type (ETG.1020); `None` where it isn't a base type.
+    pub fn type_code(&self) -> Option<u16> {
+        crate::dictionary::type_code(&self.data_type)
+    }
+}
+
 /// A mailbox.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Mailbox {

@@ -21,7 +21,8 @@ pub enum Why {
 /// Elements or attributes of one path that aren't read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Unread {
-    /// Names from the document's root on, as `EtherCATInfo/Vendor/Name`; attributes as `.../@Version`.
+    /// Names from the document's root on, as `EtherCATInfo/Vendor/Name`; attributes as `.../@Version`, text between elements
+    /// as `.../text()`.
     pub path: String,
     /// Line of the first one, from 1.
     pub line: u32,

@@ -151,8 +151,10 @@ pub(crate) struct Reading {
 /// What was read of one node.
 #[derive(Clone, Copy, Default)]
 struct Seen {
-    /// Its text, its elements or one of its attributes was asked for.
+    /// Its text, its elements or one of its attributes was asked for, or that it is there.
     is_read: bool,
+    /// Its text was asked for.
+    is_text_read: bool,
     /// It is noted with all in it.
     is_noted: bool,
     /// Attributes that were asked for: bit n for the n-th, of the first 32.
@@ -176,7 +178,7 @@ impl Reading {
         self.nodes.borrow().get(node.id().get_usize()).copied().unwrap_or_default()
     }
 
-    /// Notes every element and attribute below `root` that nobody asked for.
+    /// Notes every element, attribute and text below `root` that nobody asked for.
     pub fn note_unread(&self, root: Element, notes: &mut Notes) {
         let mut noted_until = 0;
         for node in root.node.descendants().filter(Node::is_element) {
@@ -195,6 +197,9 @@ impl Reading {
             for (_, attribute) in unread {
                 let path = format!("{}/@{}", element.path(), attribute.name());
                 notes.skip(why(attribute.name()), path, || element.line());
+            }
+            if !seen.is_text_read && element.texts().any(|text| !text.trim().is_empty()) {
+                notes.skip(Why::Unknown, format!("{}/text()", element.path()), || element.line());
             }
         }
     }
@@ -271,10 +276,13 @@ impl<'a, 'input> Element<'a, 'input> {
 
     /// Its text without white space at the ends.
     pub fn text(self) -> String {
-        self.is_there();
-        let parts: Vec<&str> =
-            self.node.children().filter(Node::is_text).filter_map(|text| text.text()).collect();
-        parts.concat().trim().to_owned()
+        self.reading.mark(self.node, |seen| (seen.is_read, seen.is_text_read) = (true, true));
+        self.texts().collect::<String>().trim().to_owned()
+    }
+
+    /// The pieces of text between its elements.
+    fn texts(self) -> impl Iterator<Item = &'a str> {
+        self.node.children().filter(Node::is_text).filter_map(|text| text.text())
     }
 
     /// An attribute of it as text.

@@ -100,7 +100,7 @@ pub struct EsiDevice {
     pub file: PathBuf,
     /// Type, or `product:revision`.
     pub device: String,
-    /// Types of the modules in its slots, from slot 1 on.
+    /// Modules in its slots by type or ident, from slot 1 on.
     pub modules: Vec<String>,
     /// Files with modules, besides the device's own.
     pub module_files: Vec<PathBuf>,

@@ -94,7 +94,10 @@ fn find_places(subdevices: &[SubDevice], configs: &[&SubDeviceConfig]) -> Result
                 let having = subdevices.iter().filter(|one| one.alias == Some(alias));
                 let positions: Vec<u16> = having.map(|one| one.position).collect();
                 match positions[..] {
-                    [] => return Err(Mismatch::NoSuchAlias { alias, name: config.name.clone() }),
+                    [] => {
+                        let found = subdevices.iter().filter_map(|one| one.alias).collect();
+                        return Err(Mismatch::NoSuchAlias { alias, found, name: config.name.clone() });
+                    }
                     [position] => position,
                     _ => return Err(Mismatch::AmbiguousAlias { alias, positions }),
                 }
@@ -105,8 +108,9 @@ fn find_places(subdevices: &[SubDevice], configs: &[&SubDeviceConfig]) -> Result
                 match positions[..] {
                     [position] => position,
                     _ => {
+                        let found = subdevices.iter().filter_map(|one| one.identification).collect();
                         let name = config.name.clone();
-                        return Err(Mismatch::Identification { identification, positions, name });
+                        return Err(Mismatch::Identification { identification, positions, found, name });
                     }
                 }
             }

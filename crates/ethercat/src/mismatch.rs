@@ -1,6 +1,8 @@
 //! What was expected of a segment, and what is there.
 
-use alloc::string::String;
+use alloc::borrow::ToOwned;
+use alloc::format;
+use alloc::string::{String, ToString};
 use alloc::vec::Vec;
 use core::fmt;
 
@@ -36,6 +38,8 @@ pub enum Mismatch {
     NoSuchAlias {
         /// The alias.
         alias: u16,
+        /// The aliases that SubDevices have.
+        found: Vec<u16>,
         /// The configuration's name.
         name: Option<String>,
     },
@@ -52,6 +56,8 @@ pub enum Mismatch {
         identification: u16,
         /// Who has it.
         positions: Vec<u16>,
+        /// The identifications that SubDevices show.
+        found: Vec<u16>,
         /// The configuration's name.
         name: Option<String>,
     },
@@ -118,18 +124,23 @@ impl fmt::Display for Mismatch {
                     None => f.write_str(" the expected device is nowhere in the segment"),
                 }
             }
-            Mismatch::NoSuchAlias { alias, name } => {
-                write!(f, "no SubDevice has alias 0x{alias:04x}{}", quoted(name))
+            Mismatch::NoSuchAlias { alias, found, name } => {
+                let found: Vec<String> = found.iter().map(|alias| format!("0x{alias:04x}")).collect();
+                write!(f, "no SubDevice has alias 0x{alias:04x}{}, {}", quoted(name), those(&found))
             }
             Mismatch::AmbiguousAlias { alias, positions } => {
                 write!(f, "alias 0x{alias:04x} is asked for, but SubDevices {positions:?} all have it")
             }
-            Mismatch::Identification { identification, positions, name } if positions.is_empty() => write!(
-                f,
-                "no SubDevice has identification {identification}{}: look at its switch, and at `omnibase scan`",
-                quoted(name)
-            ),
-            Mismatch::Identification { identification, positions, name } => write!(
+            Mismatch::Identification { identification, positions, found, name } if positions.is_empty() => {
+                let found: Vec<String> = found.iter().map(u16::to_string).collect();
+                write!(
+                    f,
+                    "no SubDevice has identification {identification}{}, {}: look at its switch",
+                    quoted(name),
+                    those(&found)
+                )
+            }
+            Mismatch::Identification { identification, positions, name, .. } => write!(
                 f,
                 "identification {identification}{} is asked for, but SubDevices {positions:?} all have it",
                 quoted(name)
@@ -152,6 +163,14 @@ impl fmt::Display for Mismatch {
                 )
             }
         }
+    }
+}
+
+/// What there is in place of what was looked for.
+fn those(found: &[String]) -> String {
+    match found {
+        [] => "and none has any".to_owned(),
+        found => format!("but there are {}", found.join(", ")),
     }
 }
 

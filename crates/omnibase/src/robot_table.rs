@@ -1,5 +1,6 @@
 //! Tables of a robot's file as programs write them: each line with its reason, what nobody can know marked.
 
+use crate::value::DataType;
 use std::fmt::{Display, Write};
 
 /// What stands before a line that a person must fill in.
@@ -54,6 +55,22 @@ impl RobotTable {
     /// Everything.
     pub fn text(&self) -> &str {
         &self.text
+    }
+}
+
+/// The type of a signal of so many bits; `None` where no signal has them.
+pub fn signal_type(bits: u8, data_type: DataType) -> Option<&'static str> {
+    let is_signed = matches!(data_type, DataType::Signed(_));
+    match (bits, is_signed, data_type) {
+        (1, ..) => Some("bool"),
+        (32, _, DataType::Real32) => Some("f32"),
+        (0..=8, true, _) => Some("i8"),
+        (0..=8, false, _) => Some("u8"),
+        (9..=16, true, _) => Some("i16"),
+        (9..=16, false, _) => Some("u16"),
+        (17..=32, true, _) => Some("i32"),
+        (17..=32, false, _) => Some("u32"),
+        _ => None,
     }
 }
 

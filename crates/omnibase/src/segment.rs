@@ -1,5 +1,6 @@
 //! Simulated segments from files.
 
+use crate::progress::note;
 use crate::small_file;
 use omnibase_ethercat_sim::segment_file::{SegmentFile, line_of_images};
 use omnibase_ethercat_sim::{Pace, Segment};
@@ -9,7 +10,15 @@ use std::path::{Path, PathBuf};
 pub fn load(path: &Path, pace: Pace) -> anyhow::Result<Segment> {
     let text = small_file::text(path)?;
     let base = path.parent().unwrap_or(Path::new("."));
-    SegmentFile::parse(&text).and_then(|file| file.build_paced(base, pace)).map_err(|error| {
+    let build = |file: SegmentFile| {
+        let sockets = file.sub_devices.iter().filter_map(|entry| entry.socket.as_ref());
+        let sockets: Vec<_> = sockets.map(|path| path.display().to_string()).collect();
+        if pace == Pace::Lockstep && !sockets.is_empty() {
+            note(format_args!("waits for the firmware that connects to {}", sockets.join(", ")));
+        }
+        file.build_paced(base, pace)
+    };
+    SegmentFile::parse(&text).and_then(build).map_err(|error| {
         let places: Vec<String> =
             error.problems.iter().map(|problem| format!("{}:{problem}", path.display())).collect();
         anyhow::Error::msg(places.join("\n       "))

@@ -192,6 +192,11 @@ impl DataType {
     }
 }
 
+/// A number of 32 bits, decimal or hexadecimal behind `0x`.
+pub fn number(text: &str) -> Option<u32> {
+    hexadecimal(text).map_or_else(|| text.parse().ok(), |number| u32::try_from(number).ok())
+}
+
 fn hexadecimal(text: &str) -> Option<i128> {
     let digits = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"))?;
     // i128 would take a sign here.

@@ -188,6 +188,20 @@ fn problems_of_which_no_note_is_kept_count_for_their_device() {
     assert_eq!(last, [told]);
 }
 
+/// A name that two have finds neither; an ident does.
+#[test]
+fn modules_are_found_by_name_and_ident() {
+    let twice = MADE_UP.replace("#x00000201", "#x00000202");
+    let (one, two) = (EsiFile::parse(MADE_UP.as_bytes()).unwrap(), EsiFile::parse(twice.as_bytes()).unwrap());
+    let coupler = &one.devices[2];
+    let ident = |wanted: &str| coupler.module([&one, &two].into_iter(), wanted).map(|module| module.ident);
+    assert_eq!(ident("MU-AI"), Ok(Some(0x101)));
+    assert_eq!((ident("0x201"), ident("514")), (Ok(Some(0x201)), Ok(Some(0x202))));
+    let told = "several modules are called \"MU-DO\": say 0x00000201 or 0x00000202";
+    assert_eq!(ident("MU-DO").unwrap_err(), told);
+    assert!(ident("0x104").unwrap_err().starts_with("no module is called \"0x104\""));
+}
+
 #[test]
 fn what_stands_there_twice_is_told_and_the_first_one_is_meant() {
     let device =
@@ -210,6 +224,8 @@ fn what_stands_there_twice_is_told_and_the_first_one_is_meant() {
     let file = EsiFile::parse(text(&revisions).as_bytes()).unwrap();
     assert_eq!((file.device("A").unwrap().revision, file.notes.problems.len()), (Some(4), 0));
 
+    let odd = doubts(&with_device("<RxPdo Sm=\"0\"><Index>#x1A00</Index></RxPdo>"));
+    assert!(odd[0].contains("is 0x1A00, where those of its direction are 0x1600 to 0x17FF"), "{odd:?}");
     let pdo = "<RxPdo Sm=\"0\"><Index>#x1600</Index></RxPdo>\n";
     let told = "0x1600 stands there twice: the one of line 4 is left out";
     assert_eq!(doubts(&with_device(&format!("{pdo}{pdo}"))), [told]);
@@ -335,6 +351,8 @@ fn nothing_is_dropped_in_silence() {
             entry("<Index>#x7000</Index><SubIndex Baz=\"1\">1</SubIndex><BitLen>8</BitLen>"),
             "RxPdo/Entry/SubIndex/@Baz",
         ),
+        (entry("<Index>#x7000</Index>stray<BitLen>8</BitLen>"), "RxPdo/Entry/text()"),
+        ("<Sm StartAddress=\"#x1000\" ControlByte=\"#x64\">Outputs</Sm>stray".to_owned(), "text()"),
         ("<Eeprom AssignToPdi=\"1\"><ByteSize>2048</ByteSize></Eeprom>".to_owned(), "Eeprom/@AssignToPdi"),
     ] {
         assert_eq!(unread(&text), [told], "{text}");
@@ -368,7 +386,7 @@ fn slots_stay_empty_and_those_that_must_be_filled_are_told() {
     let (coupler, all) = (&file.devices[2], &file.modules);
     assert_ne!(coupler.slots.as_ref().unwrap().slots[0].least, Some(0));
     let with = |modules| Assembly::new(coupler, modules).unwrap();
-    let empty = file.module(coupler, "").unwrap();
+    let empty = coupler.module([&file].into_iter(), "").unwrap();
     let few =
         |assembly: &Assembly| assembly.doubts().iter().any(|one| matches!(one, Doubt::TooFewModules { .. }));
     assert!(

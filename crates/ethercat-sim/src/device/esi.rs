@@ -43,10 +43,7 @@ pub(crate) fn build(
     let others =
         wanted.module_files.iter().map(|path| read(path)).collect::<Result<Vec<EsiFile>, String>>()?;
     let device = file.device(&wanted.device)?;
-    let module = |name: &String| {
-        let mut found = std::iter::once(&file).chain(&others).filter_map(|file| file.module(device, name));
-        found.next().ok_or_else(|| format!("no module is called \"{name}\" in the files"))
-    };
+    let module = |name: &String| device.module(std::iter::once(&file).chain(&others), name);
     let modules = wanted.modules.iter().map(module).collect::<Result<Vec<_>, String>>()?;
     let assembly = Assembly::new(device, modules).map_err(|error| error.to_string())?;
     if let Some(problem) = assembly.problems().next() {

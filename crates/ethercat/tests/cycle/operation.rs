@@ -1,7 +1,7 @@
 //! From power-on to OP, in OP, and back.
 
-use omnibase_ethercat::cyclic::ClockDirection;
-use omnibase_ethercat::cyclic::{Goal, TransitionStatus};
+use omnibase_ethercat::cyclic::{ClockDirection, Goal, TransitionError, TransitionStatus};
+use omnibase_ethercat::wire::frame::{DATAGRAM_HEADER, Datagrams};
 use omnibase_ethercat::wire::{AlState, Clock, Command, HostTime};
 use omnibase_ethercat::{Exchange, SubDeviceConfig};
 use omnibase_ethercat_sim::{Fault, Segment, SegmentFile};
@@ -115,6 +115,25 @@ fn whoever_is_plugged_in_meanwhile_keeps_nobody_from_the_way_back() {
         let took = runner.bus().link_mut().frames - before;
         assert!(took < 1000, "{goal:?}: {took} frames");
     }
+}
+
+/// On the way up an error without a code in the very state that was asked repeats no acknowledgement.
+#[test]
+fn an_error_without_a_code_is_refused_on_the_way_up() {
+    let mut runner = Runner::new(segment_file("three-servos.toml"), &[], ClockDirection::CycleFollowsDc);
+    runner.bus().link_mut().change = |frame| {
+        let statuses = Datagrams::new(frame).unwrap().map(Result::unwrap).filter(|datagram| {
+            datagram.header.address >> 16 == 0x0130 && datagram.header.command == Command::Fprd.code()
+        });
+        for at in statuses.map(|datagram| datagram.offset + DATAGRAM_HEADER).collect::<Vec<_>>() {
+            if u16::from(frame[at]) == AlState::SafeOp.bits() {
+                frame[at] |= AlState::ERROR as u8;
+            }
+        }
+    };
+    let refused = runner.to(Goal::Op);
+    let TransitionStatus::Failed(error) = refused else { panic!("{refused:?}") };
+    assert!(matches!(error, TransitionError::StateRefused { position: 0, status: 0x14, .. }), "{error:?}");
 }
 
 /// A drive keeps its supply while it is unplugged, and with it the addresses of the start that it took part in: plugged in again

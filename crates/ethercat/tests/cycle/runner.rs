@@ -13,11 +13,12 @@ use omnibase_ethercat::{
 };
 use omnibase_ethercat_sim::{FaultLink, Segment, SegmentFile, SimLink, VirtualClock, in_process};
 
-/// Notes every command and the number of frames.
+/// Notes every command and the number of frames, and changes answers.
 pub struct SpyLink {
     pub inner: FaultLink<SimLink>,
     pub commands: BTreeSet<Command>,
     pub frames: u64,
+    pub change: fn(&mut [u8]),
 }
 
 impl SpyLink {
@@ -37,7 +38,11 @@ impl Link for SpyLink {
     }
 
     fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
-        self.inner.receive(buffer, deadline)
+        let length = self.inner.receive(buffer, deadline)?;
+        if let Some(length) = length {
+            (self.change)(&mut buffer[..length]);
+        }
+        Ok(length)
     }
 }
 
@@ -75,7 +80,8 @@ impl Runner {
         before: impl FnOnce(&mut Bus<SpyLink, VirtualClock>),
     ) -> Self {
         let (link, clock) = in_process(segment);
-        let link = SpyLink { inner: FaultLink::new(link, 1), commands: BTreeSet::new(), frames: 0 };
+        let link =
+            SpyLink { inner: FaultLink::new(link, 1), commands: BTreeSet::new(), frames: 0, change: |_| {} };
         let mut bus = Bus::new(link, clock, BusOptions::default());
         before(&mut bus);
         bus.scan().unwrap();

@@ -167,10 +167,7 @@ fn a_subdevice_is_found_by_its_identification_wherever_it_is() {
     assert_eq!(names, ["first", "left", "right"]);
     let missing = [config(Match::Identification(8), "eight")];
     let words = bus.configure(&missing).unwrap_err().to_string();
-    assert_eq!(
-        words,
-        "no SubDevice has identification 8 (eight): look at its switch, and at `omnibase scan`"
-    );
+    assert_eq!(words, "no SubDevice has identification 8 (eight), but there are 11, 7: look at its switch");
 }
 
 #[test]
@@ -245,7 +242,10 @@ fn a_hot_connect_group_is_there_as_a_whole_or_not_at_all() {
     assert_eq!(configured(&[1, 2, 4]), Err(part.to_owned()));
     // Who isn't of the group has to be there all the same.
     let missing = configured(&[1, 2, 3]).unwrap_err();
-    assert!(missing.contains("no SubDevice has alias 0x0004"), "{missing}");
+    assert!(
+        missing.contains("no SubDevice has alias 0x0004, but there are 0x0001, 0x0002, 0x0003"),
+        "{missing}"
+    );
 }
 
 #[test]

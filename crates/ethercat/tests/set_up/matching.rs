@@ -71,7 +71,10 @@ fn a_missing_and_a_surplus_device_are_named() {
 fn aliases_and_positions_that_fit_nobody_are_named() {
     let others = [product(2), product(3)];
     let with = |first: SubDeviceConfig| refusal(&[first, others[0].clone(), others[1].clone()]).0;
-    assert_eq!(with(at(Match::Alias(6), 1)), Mismatch::NoSuchAlias { alias: 6, name: None });
+    assert_eq!(
+        with(at(Match::Alias(6), 1)),
+        Mismatch::NoSuchAlias { alias: 6, found: vec![7, 7], name: None }
+    );
     let both = Mismatch::AmbiguousAlias { alias: 7, positions: vec![1, 2] };
     assert_eq!(with(at(Match::Alias(7), 2)), both);
     let none = Mismatch::NoSuchPosition { position: 9, count: 3, name: None };

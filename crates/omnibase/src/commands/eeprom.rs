@@ -4,6 +4,7 @@ use crate::new_file;
 use crate::progress::{note, warn};
 use crate::target::{AnyBus, Manners, Port, Target};
 use crate::to_the_end::to_the_end;
+use crate::value::number;
 use crate::{Outcome, commands, small_file};
 use anyhow::{Context, ensure};
 use omnibase_ethercat::eeprom::{MAX_BYTES, with_checksum};
@@ -62,7 +63,7 @@ struct WriteArguments {
     place: Place,
     /// The image.
     file: PathBuf,
-    /// Where the present content goes first; must not exist yet. Default: eeprom-<position>-<seconds since 1970>.bin.
+    /// Where the present content goes first; must not exist yet. Default: eeprom-<position>-<milliseconds since 1970>.bin.
     #[arg(long, value_name = "FILE")]
     backup: Option<PathBuf>,
     /// Write it although vendor or product of the device are others, as behind an EEPROM that was erased.
@@ -74,13 +75,15 @@ struct WriteArguments {
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   omnibase eeprom alias eth1 2 7
+  omnibase eeprom alias eth1 2 0x0010      as `scan` shows it
   omnibase eeprom alias eth1 2 0           takes it away
 
 Written as `eeprom write` writes, with a backup first; counts from the next power-on.")]
 struct AliasArguments {
     #[command(flatten)]
     place: Place,
-    /// The alias, from 1; 0 is none.
+    /// The alias, from 1, decimal or 0x...; 0 is none.
+    #[arg(value_parser = parse_alias)]
     alias: u16,
     /// Where the present content goes first, as for `eeprom write`.
     #[arg(long, value_name = "FILE")]
@@ -276,8 +279,13 @@ fn write_checked(
 }
 
 fn default_backup(position: u16) -> PathBuf {
-    let seconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_secs());
-    format!("eeprom-{position}-{seconds}.bin").into()
+    let milliseconds = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |since| since.as_millis());
+    format!("eeprom-{position}-{milliseconds}.bin").into()
+}
+
+fn parse_alias(text: &str) -> Result<u16, String> {
+    let alias = number(text).and_then(|number| u16::try_from(number).ok());
+    alias.ok_or_else(|| format!("`{text}` is no alias, 0 to 65535, such as 7 or 0x0010"))
 }
 
 impl Place {

@@ -37,7 +37,7 @@ pub struct Arguments {
     /// Which device: its type, a name, or product:revision.
     #[arg(long, value_name = "DEVICE")]
     device: Option<String>,
-    /// The module in the next slot, by its type, "" for a slot that stays empty; may be given several times.
+    /// The module in the next slot, by its type or ident, "" for a slot that stays empty; may be given several times.
     #[arg(long = "slot", value_name = "MODULE", requires = "device")]
     slots: Vec<String>,
     /// List the modules.
@@ -74,23 +74,7 @@ impl Files {
 
     /// A device with the modules of these names in its slots.
     fn assembly<'a>(&'a self, device: &'a Device, slots: &[String]) -> anyhow::Result<Assembly<'a>> {
-        let module = |name: &String| {
-            if name.is_empty() {
-                return Ok(Module::none());
-            }
-            let own = device.slots.iter().flat_map(|slots| &slots.modules);
-            let mut called = own.chain(self.modules()).filter(|module| module.type_name == *name);
-            let found = called.next().with_context(|| {
-                format!("no module is called \"{name}\" in the files: `--modules` lists them")
-            })?;
-            for other in called.filter(|other| other.ident != found.ident) {
-                let (one, other) = (number(found.ident), number(other.ident));
-                warn(format_args!(
-                    "modules of the idents {one} and {other} are called \"{name}\": the former is taken"
-                ));
-            }
-            Ok(found)
-        };
+        let module = |name: &String| device.module(self.all(), name).map_err(anyhow::Error::msg);
         let modules = slots.iter().map(module).collect::<anyhow::Result<Vec<_>>>()?;
         Ok(Assembly::new(device, modules)?)
     }

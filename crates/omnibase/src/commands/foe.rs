@@ -4,6 +4,7 @@ use crate::commands::eeprom::open_at_rest;
 use crate::progress::{bar, note, warn};
 use crate::target::{AnyBus, Target};
 use crate::to_the_end::to_the_end;
+use crate::value::number;
 use crate::{Outcome, new_file, small_file};
 use anyhow::{Context, ensure};
 use omnibase_ethercat::SetUpError;
@@ -244,13 +245,8 @@ fn is_refusal(error: &anyhow::Error) -> bool {
     matches!(error.downcast_ref(), Some(SetUpError::Request { cause, .. }) if refused(cause))
 }
 
-/// A number, decimal or hexadecimal with 0x.
 fn parse_password(text: &str) -> Result<u32, String> {
-    let number = match text.strip_prefix("0x") {
-        Some(digits) => u32::from_str_radix(digits, 16),
-        None => text.parse(),
-    };
-    number.map_err(|_| format!("`{text}` is no number of 32 bits such as 1234 or 0x12345678"))
+    number(text).ok_or_else(|| format!("`{text}` is no number of 32 bits such as 1234 or 0x12345678"))
 }
 
 #[cfg(test)]

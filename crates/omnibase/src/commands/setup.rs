@@ -269,8 +269,10 @@ impl Operator {
 
     /// Is told how it ended.
     fn end(self, words: &str) {
-        if let Operator::Page(page) = self {
-            page.end(words.to_owned());
+        match self {
+            Operator::Person(_) => {}
+            Operator::Lines(lines) => lines.end(),
+            Operator::Page(page) => page.end(words.to_owned()),
         }
     }
 }

@@ -23,6 +23,8 @@ pub enum DirectionRule {
     /// Every frame of the capture carries that bit, so it tells nothing: a frame like one that is still
     /// unanswered is its reply.
     Pairing,
+    /// It was taken where the segment begins, as `simulate --record` does: what came in there are the requests.
+    SegmentSide,
 }
 
 /// An EtherCAT frame without a VLAN tag.
@@ -54,14 +56,21 @@ impl<'a> Record<'a> {
         self.bytes[6] & PROCESSED_BIT != 0
     }
 
+    /// A SubDevice counted in it, as in no request.
+    fn is_counted(&self) -> bool {
+        self.datagrams().0.iter().any(|datagram| datagram.working_counter > 0)
+    }
+
     /// The way, as far as this frame alone tells it.
     pub fn way(&self, rule: DirectionRule) -> Option<FrameDirection> {
         match (self.frame.direction, rule) {
+            (Some(Direction::Outbound), DirectionRule::SegmentSide) => Some(FrameDirection::Reply),
+            (Some(Direction::Inbound), DirectionRule::SegmentSide) => Some(FrameDirection::Request),
             (Some(Direction::Outbound), _) => Some(FrameDirection::Request),
             (Some(Direction::Inbound), _) => Some(FrameDirection::Reply),
-            (None, DirectionRule::ProcessedBit) if self.is_marked() => Some(FrameDirection::Reply),
-            (None, DirectionRule::ProcessedBit) => Some(FrameDirection::Request),
             (None, DirectionRule::Pairing) => None,
+            (None, _) if self.is_marked() => Some(FrameDirection::Reply),
+            (None, _) => Some(FrameDirection::Request),
         }
     }
 
@@ -103,7 +112,13 @@ impl<'a> Record<'a> {
 }
 
 /// The rule for a whole capture.
-pub fn way_rule<'a>(records: impl Iterator<Item = &'a Record<'a>>) -> DirectionRule {
+pub fn way_rule<'a>(records: impl Iterator<Item = &'a Record<'a>> + Clone) -> DirectionRule {
+    let is_counted = |way: Direction| {
+        records.clone().filter(|record| record.frame.direction == Some(way)).any(Record::is_counted)
+    };
+    if !is_counted(Direction::Inbound) && is_counted(Direction::Outbound) {
+        return DirectionRule::SegmentSide;
+    }
     let mut undecided = records.filter(|record| record.frame.direction.is_none()).peekable();
     if undecided.peek().is_some() && undecided.all(Record::is_marked) {
         DirectionRule::Pairing
@@ -162,5 +177,26 @@ mod tests {
         assert_eq!(way_rule(both.iter()), DirectionRule::ProcessedBit);
         assert_eq!(way_rule(both[..1].iter()), DirectionRule::Pairing);
         assert_eq!(way_rule([].iter()), DirectionRule::ProcessedBit);
+    }
+
+    /// Whose interface it was tells which way is out.
+    #[test]
+    fn a_capture_of_the_segments_side_has_its_requests_coming_in() {
+        let (sent, mut came) = (request(), request());
+        let counter = came.len() - 2;
+        came[counter] = 1;
+        let record = |data, direction| {
+            Record::new(CapturedFrame { direction: Some(direction), ..captured(data) }).unwrap()
+        };
+        let ways = |records: [Record<'_>; 2]| {
+            let rule = way_rule(records.iter());
+            records.map(|record| record.way(rule).unwrap())
+        };
+        use Direction::{Inbound, Outbound};
+        let both = [FrameDirection::Request, FrameDirection::Reply];
+        assert_eq!(ways([record(&sent, Outbound), record(&came, Inbound)]), both);
+        assert_eq!(ways([record(&sent, Inbound), record(&came, Outbound)]), both);
+        // Nobody answered: the interface's word holds.
+        assert_eq!(ways([record(&sent, Outbound), record(&sent, Outbound)]), [FrameDirection::Request; 2]);
     }
 }

@@ -113,8 +113,9 @@ fn part(name: String, offset: u16) -> String {
     if offset == 0 { name } else { format!("{name} +{offset}") }
 }
 
-/// What the registers in `data`, read from or written to `address`, say in words.
-pub fn values(address: u16, data: &[u8]) -> Vec<String> {
+/// What the registers in `data`, read from or written to `address`, say in words; `of_several` where they are those of several
+/// SubDevices, ORed.
+pub fn values(address: u16, data: &[u8], of_several: bool) -> Vec<String> {
     let mut words = Vec::new();
     let field = |at: u16, length: usize| {
         let start = usize::from(at.checked_sub(address)?);
@@ -139,10 +140,10 @@ pub fn values(address: u16, data: &[u8]) -> Vec<String> {
         words.push(dl_status(u16_at(bytes, 0)));
     }
     if let Some(bytes) = field(register::AL_CONTROL, 1) {
-        words.push(format!("ask for {}", al_state(bytes[0], "acknowledge")));
+        words.push(format!("ask for {}", al_state(bytes[0], "acknowledge", false)));
     }
     if let Some(bytes) = field(register::AL_STATUS, 1) {
-        words.push(format!("in {}", al_state(bytes[0], "ERROR")));
+        words.push(format!("in {}", al_state(bytes[0], "ERROR", of_several)));
     }
     if let Some(bytes) = field(register::AL_STATUS_CODE, 2) {
         let code = AlStatusCode(u16_at(bytes, 0));
@@ -195,9 +196,10 @@ pub fn system_time_difference(value: u32) -> i64 {
     if value & 0x8000_0000 != 0 { -amount } else { amount }
 }
 
-/// A state byte: broadcasts OR the states of several SubDevices together.
-fn al_state(bits: u8, flag: &str) -> String {
+/// A state byte: broadcasts OR the states of several SubDevices together, and INIT with PRE-OP looks as BOOT does.
+fn al_state(bits: u8, flag: &str, of_several: bool) -> String {
     let state = match AlState::from_bits(u16::from(bits)) {
+        Some(AlState::Bootstrap) if of_several => "several states (INIT | PRE-OP, or BOOT)".to_owned(),
         Some(state) => state.name().to_owned(),
         None if bits & 0x0F == 0 => "no state".to_owned(),
         None => {
@@ -365,24 +367,29 @@ mod tests {
 
     #[test]
     fn states_and_codes_come_in_words() {
-        assert_eq!(values(0x0120, &[0x11, 0]), ["ask for INIT + acknowledge"]);
+        assert_eq!(values(0x0120, &[0x11, 0], false), ["ask for INIT + acknowledge"]);
         assert_eq!(
-            values(0x0130, &[0x14, 0, 0, 0, 0x1B, 0]),
+            values(0x0130, &[0x14, 0, 0, 0, 0x1B, 0], false),
             [
                 "in SAFE-OP + ERROR",
                 "AL status code 0x001b SyncManager watchdog (process data stopped for longer than the watchdog time)"
             ]
         );
-        assert_eq!(values(0x0130, &[0x06, 0]), ["in several states (PRE-OP | SAFE-OP)"]);
+        assert_eq!(values(0x0130, &[0x06, 0], true), ["in several states (PRE-OP | SAFE-OP)"]);
+        assert_eq!(values(0x0130, &[0x13, 0], true), ["in several states (INIT | PRE-OP, or BOOT) + ERROR"]);
+        assert_eq!(values(0x0130, &[0x13, 0], false), ["in BOOT + ERROR"]);
     }
 
     #[test]
     fn fmmus_and_sync_managers_come_in_words() {
         let fmmu = [0, 0, 1, 0, 24, 0, 0, 7, 0, 0x11, 0, 2, 1, 0, 0, 0];
-        assert_eq!(values(0x0600, &fmmu), ["FMMU0: logical 0x00010000.0 to +24.7 -> 0x1100.0, outputs, on"]);
+        assert_eq!(
+            values(0x0600, &fmmu, false),
+            ["FMMU0: logical 0x00010000.0 to +24.7 -> 0x1100.0, outputs, on"]
+        );
         let sms = [0, 0x10, 0x80, 0, 0x26, 0, 1, 0, 0x80, 0x10, 0x80, 0, 0x22, 0, 1, 0];
         assert_eq!(
-            values(0x0800, &sms),
+            values(0x0800, &sms, false),
             [
                 "SM0: 0x1000 128 bytes, mailbox from the MainDevice, on",
                 "SM1: 0x1080 128 bytes, mailbox to the MainDevice, on"
@@ -400,9 +407,9 @@ mod tests {
     fn short_data_say_nothing_and_do_not_panic() {
         for address in 0..0x1100 {
             for length in 0..40 {
-                let _ = (name(address), values(address, &vec![0xFF; length]));
+                let _ = (name(address), values(address, &vec![0xFF; length], false));
             }
         }
-        let _ = values(0xFFFF, &[0xFF; 64]);
+        let _ = values(0xFFFF, &[0xFF; 64], true);
     }
 }

@@ -34,7 +34,7 @@ pub fn content(datagram: &Datagram<'_>, way: FrameDirection) -> Vec<String> {
     if at >= register::PROCESS_DATA {
         return mailbox::words(datagram.data).into_iter().collect();
     }
-    registers::values(at, datagram.data)
+    registers::values(at, datagram.data, command == Command::Brd && datagram.working_counter > 1)
 }
 
 #[cfg(test)]

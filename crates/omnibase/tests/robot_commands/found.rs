@@ -324,7 +324,7 @@ fn a_scan_becomes_tables_that_a_robots_file_takes() {
 /// leads out of itself are told in the tables themselves.
 #[test]
 fn what_a_scan_is_not_sure_of_stands_in_its_tables() {
-    use omnibase_ethercat::wire::sii;
+    use omnibase_ethercat::wire::{coe::ObjectAddress, sii};
     let folder = Folder::new("scan-toml-odd");
     let mut cut = sii::Image::default();
     cut.header.checksum = u16::from(cut.header.computed_checksum());
@@ -334,6 +334,21 @@ fn what_a_scan_is_not_sure_of_stands_in_its_tables() {
     bytes.extend_from_slice(&[0x00, 0x01, 0x00, 0x78]);
     bytes.resize(2048, 0);
     std::fs::write(folder.path("cut.bin"), bytes).unwrap();
+    let inputs = sii::SyncManager {
+        start: 0x1100,
+        length: 2,
+        control: 0,
+        status: 0,
+        enable: 1,
+        usage: sii::SyncManagerUsage::Inputs,
+    };
+    let object = ObjectAddress::new(0x6000, 1);
+    let entries = vec![sii::PdoEntry { object, name: 0, data_type: 0, bit_length: 16, flags: 0 }];
+    let pdo = sii::Pdo { index: 0x1A00, sync_manager: Some(0), synchronization: 0, name: 0, flags: 0, entries };
+    let mut quiet =
+        sii::Image { sync_managers: vec![inputs], tx_pdos: vec![pdo], ..sii::Image::default() };
+    quiet.header.checksum = u16::from(quiet.header.computed_checksum());
+    std::fs::write(folder.path("quiet.bin"), quiet.emit()).unwrap();
     let maker = root().join("segments/maker.xml");
     let segment = folder.path("segment.toml");
     let servo = |more: &str| format!("[[subdevice]]\nkind = \"servo\"\n{more}\n");
@@ -348,6 +363,7 @@ fn what_a_scan_is_not_sure_of_stands_in_its_tables() {
             maker.display()
         ),
         "[[subdevice]]\nkind = \"sii\"\nsii = \"cut.bin\"\n".to_owned(),
+        "[[subdevice]]\nkind = \"sii\"\nsii = \"quiet.bin\"\n".to_owned(),
     ]
     .concat();
     std::fs::write(&segment, text).unwrap();
@@ -364,6 +380,9 @@ fn what_a_scan_is_not_sure_of_stands_in_its_tables() {
         "# WARNING: SubDevice 6: EEPROM: ",
         "category 256 announces 61440 bytes",
         "# WARNING: its EEPROM is damaged",
+        // The coupler's EEPROM has nothing of its modules: its dictionary tells the type.
+        "object = \"6000.1\", type = \"i16\" },",
+        "object = \"6000.1\", type = \"u16\" }, # MEASURE: nobody tells whether it has a sign",
     ] {
         assert!(tables.contains(expected), "{expected}\n{tables}\n{}", words(&output.stderr));
     }

@@ -1,7 +1,8 @@
 //! A device's table for a robot's file.
 
 use super::clocks;
-use crate::robot_table::{RobotTable, TO_FILL, in_array, plain_name};
+use crate::robot_table::{RobotTable, TO_FILL, in_array, plain_name, signal_type};
+use crate::value::DataType;
 use omnibase_esi::model::{Coe, Pdo, PdoEntry};
 use omnibase_esi::{Assembly, Command, CommandSource, Device, EsiFile};
 use std::fmt::Write;
@@ -274,7 +275,10 @@ fn signals(maps: &[Vec<Pdo>; 2], table: &mut RobotTable) {
         for (number, entry) in entries.iter().enumerate() {
             let name = plain_name(entry.name.english(), key, &mut taken);
             let object = format!("{:04X}.{}", entry.index.index, entry.subindex);
-            let line = match signal_type(entry) {
+            let line = match signal_type(
+                entry.bits,
+                entry.type_code().map_or(DataType::Bytes, DataType::from_coe),
+            ) {
                 _ if entry.is_unclear => {
                     table.comment(&format!("  {name}: {TO_FILL}, a number of it can't be read"));
                     continue;
@@ -290,22 +294,6 @@ fn signals(maps: &[Vec<Pdo>; 2], table: &mut RobotTable) {
             table.line(&line, &format!("{} {}", entry.name, entry.data_type));
         }
         table.line("]", "");
-    }
-}
-
-/// A signal's type by that of its entry; `None` where no signal has so many bits.
-fn signal_type(entry: &PdoEntry) -> Option<&'static str> {
-    let signed = matches!(entry.data_type.as_str(), "SINT" | "INT" | "DINT");
-    match (entry.bits, signed, entry.data_type.as_str()) {
-        (1, ..) => Some("bool"),
-        (32, _, "REAL") => Some("f32"),
-        (0..=8, true, _) => Some("i8"),
-        (0..=8, false, _) => Some("u8"),
-        (9..=16, true, _) => Some("i16"),
-        (9..=16, false, _) => Some("u16"),
-        (17..=32, true, _) => Some("i32"),
-        (17..=32, false, _) => Some("u32"),
-        _ => None,
     }
 }
 

@@ -1,8 +1,10 @@
 //! What `scan` found, as tables for a robot's file.
 
-use crate::robot_table::{RobotTable, TO_FILL, in_array, plain_name};
+use crate::robot_table::{RobotTable, TO_FILL, in_array, plain_name, signal_type};
 use crate::target::AnyBus;
+use crate::value::DataType;
 use omnibase_ethercat::Warning;
+use omnibase_ethercat::mailbox::EntryDescription;
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::subdevice::{Direction, MappedObject, MappedPdo, SubDevice};
 use omnibase_ethercat::wire::coe::ObjectAddress;
@@ -59,7 +61,10 @@ fn table(bus: &mut AnyBus, one: &SubDevice, names: &mut Vec<String>) -> String {
         return table.text().to_owned();
     }
     let speaks_coe = one.mailbox.is_some_and(|mailbox| mailbox.speaks_coe());
-    let maps = [Direction::Outputs, Direction::Inputs].map(|direction| pdos(one, direction));
+    let mut maps = [Direction::Outputs, Direction::Inputs].map(|direction| pdos(one, direction));
+    if speaks_coe {
+        ask_dictionary(bus, one.position, &mut maps);
+    }
     let tells_profile = speaks_coe && read(bus, one, 0x1000, 0).is_some_and(|kind| kind & 0xFFFF == DRIVES);
     let is_drive =
         tells_profile || is_mapped(&maps[0], CONTROL_WORD, 16) && is_mapped(&maps[1], STATUS_WORD, 16);
@@ -157,6 +162,19 @@ fn modules(bus: &mut AnyBus, one: &SubDevice, table: &mut RobotTable) {
 /// PDOs of a direction, as they are mapped now.
 fn pdos(one: &SubDevice, direction: Direction) -> Vec<MappedPdo> {
     one.process_data(direction).flat_map(|manager| manager.pdos.iter().cloned()).collect()
+}
+
+/// Asks the dictionary for names and types of entries that the EEPROM doesn't describe.
+fn ask_dictionary(bus: &mut AnyBus, position: u16, maps: &mut [Vec<MappedPdo>; 2]) {
+    let entries = maps.iter_mut().flatten().flat_map(|pdo| &mut pdo.entries);
+    for entry in entries.filter(|entry| entry.object.index != 0 && entry.data_type.is_none()) {
+        // Who describes one describes the others, and who doesn't may take seconds to say so.
+        let Ok(bytes) = bus.describe_entry(position, entry.object, 0) else { return };
+        if let Some(told) = EntryDescription::read(&bytes) {
+            entry.data_type = u8::try_from(told.data_type).ok();
+            entry.name.get_or_insert_with(|| String::from_utf8_lossy(told.name).into_owned());
+        }
+    }
 }
 
 fn map_lines(key: &str, pdos: &[MappedPdo], table: &mut RobotTable) {
@@ -288,31 +306,22 @@ fn signals(maps: &[Vec<MappedPdo>; 2], table: &mut RobotTable) {
             let told = entry.name.clone().unwrap_or_default();
             let name = plain_name(&told, key, &mut taken);
             let object = format!("{:04X}.{}", entry.object.index, entry.object.subindex);
-            let kind = signal_type(entry);
+            let told_type = entry.data_type.map(|code| DataType::from_coe(code.into()));
+            let kind = signal_type(entry.bit_length, told_type.unwrap_or(DataType::Bytes));
             let line = match kind {
                 Some("bool") => format!("  {{ name = \"{name}\", object = \"{object}\" }},"),
                 Some(kind) => format!("  {{ name = \"{name}\", object = \"{object}\", type = \"{kind}\" }},"),
                 None => format!("  # {}", in_array(&name, &object, entry.bit_length)),
             };
             let line = if number >= SIGNALS && kind.is_some() { format!("  #{}", &line[1..]) } else { line };
-            table.line(&line, &told);
+            let reason = match (told_type, entry.bit_length) {
+                (Some(_), _) | (None, 1) => told,
+                (None, _) => {
+                    format!("{told} MEASURE: nobody tells whether it has a sign").trim_start().to_owned()
+                }
+            };
+            table.line(&line, &reason);
         }
         table.line("]", "");
-    }
-}
-
-/// A signal's type by its entry's bits and CoE type.
-fn signal_type(entry: &MappedObject) -> Option<&'static str> {
-    let signed = matches!(entry.data_type, Some(2..=4));
-    match (entry.bit_length, signed) {
-        (1, _) => Some("bool"),
-        (32, _) if entry.data_type == Some(8) => Some("f32"),
-        (2..=8, true) => Some("i8"),
-        (2..=8, false) => Some("u8"),
-        (9..=16, true) => Some("i16"),
-        (9..=16, false) => Some("u16"),
-        (17..=32, true) => Some("i32"),
-        (17..=32, false) => Some("u32"),
-        _ => None,
     }
 }

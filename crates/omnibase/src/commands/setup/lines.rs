@@ -7,9 +7,9 @@ use super::heard::Heard;
 use omnibase_setup::{Answer, Hand, Key, Question};
 use serde_json::{Value, json};
 use std::io::{BufRead, Read, Write};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 /// The longest line, bytes.
@@ -23,6 +23,7 @@ const WAITING: usize = 16;
 pub struct Lines<W> {
     heard: Arc<Heard>,
     said: Receiver<Value>,
+    broken_off: Arc<Mutex<Option<String>>>,
     output: W,
     stop: &'static AtomicBool,
 }
@@ -32,12 +33,14 @@ impl<W: Write> Lines<W> {
     pub fn new(input: impl BufRead + Send + 'static, output: W, stop: &'static AtomicBool) -> Self {
         let heard = Arc::new(Heard::default());
         let (sender, said) = sync_channel(WAITING);
-        let listening = Arc::clone(&heard);
+        let broken_off = Arc::new(Mutex::new(None));
+        let (listening, reason) = (Arc::clone(&heard), Arc::clone(&broken_off));
         std::thread::spawn(move || {
-            listen(input, &listening, &sender);
+            let ended = listen(input, &listening, &sender);
+            *reason.lock().unwrap_or_else(PoisonError::into_inner) = ended.err();
             listening.gone();
         });
-        Lines { heard, said, output, stop }
+        Lines { heard, said, broken_off, output, stop }
     }
 
     fn say(&mut self, value: &Value) {
@@ -45,25 +48,46 @@ impl<W: Write> Lines<W> {
             self.heard.gone();
         }
     }
+
+    /// Says why nobody listens any more, where the program didn't mean it to be so.
+    pub fn end(mut self) {
+        let why = self.broken_off.lock().unwrap_or_else(PoisonError::into_inner).take();
+        if let Some(why) = why {
+            self.say(&json!({ "tell": why }));
+        }
+    }
 }
 
-/// Hears until the input ends, says that it leaves, or says more than can be kept: then nobody knows what it means. Beats of the
-/// key never wait behind anything.
-fn listen(mut input: impl BufRead, heard: &Heard, sender: &SyncSender<Value>) {
-    let mut line = String::new();
+/// Hears until the input ends or says that it leaves; an error where it says more than can be kept: then nobody knows what it
+/// means. Beats of the key never wait behind anything.
+fn listen(mut input: impl BufRead, heard: &Heard, sender: &SyncSender<Value>) -> Result<(), String> {
+    let mut line = Vec::new();
     loop {
         line.clear();
-        match input.by_ref().take(LONGEST_LINE).read_line(&mut line) {
-            Ok(1..) if line.ends_with('\n') => {}
-            _ => return,
+        match input.by_ref().take(LONGEST_LINE).read_until(b'\n', &mut line) {
+            Ok(1..) if line.ends_with(b"\n") => {}
+            Ok(0) => return Ok(()),
+            Ok(read) if read as u64 == LONGEST_LINE => {
+                return Err(format!(
+                    "left: expected a line of at most {LONGEST_LINE} bytes, found a longer one"
+                ));
+            }
+            Ok(_) => {
+                return Err("left: expected a line that ends, found the end of the input in it".to_owned());
+            }
+            Err(error) => return Err(format!("left: reading the input: {error}")),
         }
-        let value: Value =
-            serde_json::from_str(&line).unwrap_or_else(|_| json!({ "wrong": line.trim_end() }));
+        let value: Value = serde_json::from_slice(&line)
+            .unwrap_or_else(|_| json!({ "wrong": String::from_utf8_lossy(&line).trim_end() }));
         match value["key"].as_bool() {
             Some(true) => heard.beat(),
             Some(false) => heard.let_go(),
-            _ if value["leave"] == true => return,
-            _ if sender.try_send(value).is_err() => return,
+            _ if value["leave"] == true => return Ok(()),
+            _ if sender.try_send(value).is_err() => {
+                return Err(format!(
+                    "left: expected at most {WAITING} lines that wait to be read, found more"
+                ));
+            }
             _ => {}
         }
     }
@@ -167,17 +191,22 @@ mod tests {
     }
 
     #[test]
-    fn whoever_says_more_than_can_be_kept_is_gone() {
-        let (mut program, mut many) = lines();
-        for _ in 0..=WAITING {
-            program.write_all(b"{\"answer\": \"a\"}\n").unwrap();
-        }
-        assert_eq!(key(&mut many), Key::Gone);
-        let (mut program, mut long) = lines();
-        program.write_all(&[b' '; LONGEST_LINE as usize + 1]).unwrap();
-        assert_eq!(key(&mut long), Key::Gone);
-        let (program, mut ended) = lines();
-        drop(program);
-        assert_eq!(key(&mut ended), Key::Gone);
+    fn whoever_says_more_than_can_be_kept_is_gone_and_told_why() {
+        let ended = |said: &[u8]| {
+            let (mut program, mut lines) = lines();
+            program.write_all(said).unwrap();
+            drop(program);
+            assert_eq!(key(&mut lines), Key::Gone);
+            let told = lines.broken_off.lock().unwrap().clone();
+            told.unwrap_or_default()
+        };
+        let many = b"{\"answer\": \"a\"}\n".repeat(WAITING + 1);
+        assert_eq!(ended(&many), "left: expected at most 16 lines that wait to be read, found more");
+        let long = [b' '; LONGEST_LINE as usize + 1];
+        assert_eq!(ended(&long), "left: expected a line of at most 4096 bytes, found a longer one");
+        assert_eq!(ended(b"{"), "left: expected a line that ends, found the end of the input in it");
+        assert_eq!((ended(b""), ended(b"{\"leave\": true}\n")), (String::new(), String::new()));
+        // Bytes that are no text are a wrong answer, as other words are.
+        assert_eq!(ended(b"\xff\xfe\n"), "");
     }
 }

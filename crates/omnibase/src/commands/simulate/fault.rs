@@ -1,5 +1,6 @@
 //! Faults of the command line: `<fault>@<position>:<seconds>[:<argument>]`.
 
+use crate::value;
 use omnibase_ethercat_sim::Fault;
 use omnibase_ethercat_sim::pdi::ApplicationFault;
 use std::fmt;
@@ -53,15 +54,9 @@ impl FromStr for TimedFault {
 fn fault(name: &str, argument: Option<&str>) -> Result<Fault, String> {
     let number = |default: u32, limit: u32| match argument {
         None => Ok(default),
-        Some(text) => {
-            let parsed = match text.strip_prefix("0x") {
-                Some(digits) => u32::from_str_radix(digits, 16).ok(),
-                None => text.parse().ok(),
-            };
-            parsed
-                .filter(|number| *number <= limit)
-                .ok_or_else(|| format!("argument `{text}`: expected a number up to {limit}"))
-        }
+        Some(text) => value::number(text)
+            .filter(|number| *number <= limit)
+            .ok_or_else(|| format!("argument `{text}`: expected a number up to {limit}")),
     };
     let code = || match argument {
         None => Err(format!("{name} needs a code behind the time, for example {name}@0:5:0x1b")),
