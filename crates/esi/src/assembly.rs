@@ -122,7 +122,9 @@ impl<'a> Assembly<'a> {
         if slots.is_unclear() {
             return Err(AssemblyError::UnclearSlots { device: name() });
         }
-        let (most, found) = (places(slots), assembly.modules.len());
+        // The list of modules (0xF030) has 255 subindices.
+        let most = if slots.download_idents { places(slots).min(255) } else { places(slots) };
+        let found = assembly.modules.len();
         if found > most {
             return Err(AssemblyError::TooMany { device: name(), most, found });
         }
@@ -300,7 +302,7 @@ impl<'a> Assembly<'a> {
             let what = if module.is_none() { "empty" } else { &module.type_name };
             commands.push(write(slot, &ident.to_le_bytes(), format!("slot {slot}: {what}")));
         }
-        let count = self.modules.len().min(255) as u8;
+        let count = self.modules.len() as u8;
         commands.push(write(0, &[count], "how many modules there are".to_owned()));
         commands
     }

@@ -259,8 +259,11 @@ impl Device {
             return Err(format!("several modules are called \"{wanted}\": say {one} or {other}"));
         }
         let ident = crate::xml::parse_number(wanted);
-        let of_ident = || all.iter().copied().find(|module| ident.is_some() && module.ident.map(i64::from) == ident);
+        let of_ident =
+            || all.iter().copied().find(|module| ident.is_some() && module.ident.map(i64::from) == ident);
         let found = called.first().copied().or_else(of_ident);
-        found.ok_or_else(|| format!("no module is called \"{wanted}\" in the files: `omnibase esi FILE --modules` lists them"))
+        found.ok_or_else(|| {
+            format!("no module is called \"{wanted}\" in the files: `omnibase esi FILE --modules` lists them")
+        })
     }
 }

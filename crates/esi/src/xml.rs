@@ -2,7 +2,7 @@
 
 use std::cell::RefCell;
 
-use roxmltree::{Document, Node};
+use roxmltree::{Attribute, Document, Node};
 
 use crate::notes::{Notes, Problem, Why};
 
@@ -248,9 +248,12 @@ impl<'a, 'input> Element<'a, 'input> {
         true
     }
 
+    /// The elements in it, but for those of other namespaces than the document's, which nobody reads.
     fn elements(self) -> impl Iterator<Item = Element<'a, 'input>> {
         let reading = self.reading;
-        self.node.children().filter(Node::is_element).map(move |node| Element { node, reading })
+        let namespace = self.node.document().root_element().tag_name().namespace();
+        let own = self.node.children().filter(move |node| node.tag_name().namespace() == namespace);
+        own.filter(Node::is_element).map(move |node| Element { node, reading })
     }
 
     /// The elements in it; what stands there more than once and mustn't is noted.
@@ -287,7 +290,8 @@ impl<'a, 'input> Element<'a, 'input> {
 
     /// An attribute of it as text.
     pub fn attribute(self, name: &str) -> Option<&'a str> {
-        let found = self.node.attributes().enumerate().find(|(_, attribute)| attribute.name() == name);
+        let is_it = |attribute: &Attribute| attribute.namespace().is_none() && attribute.name() == name;
+        let found = self.node.attributes().enumerate().find(|(_, attribute)| is_it(attribute));
         self.reading.mark(self.node, |seen| {
             seen.is_read = true;
             seen.attributes |= found.map_or(0, |(at, _)| bit(at));

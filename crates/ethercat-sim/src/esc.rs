@@ -250,9 +250,14 @@ impl Esc {
         }
     }
 
+    /// Whether the configuration area was loaded from the EEPROM.
+    pub(crate) fn has_configuration(&self) -> bool {
+        self.sii.loaded()
+    }
+
     /// The ports changed: DL status, lost link counters and events follow.
     pub(crate) fn set_ports(&mut self, ports: [PortState; 4]) {
-        let mut status = u16::from(self.sii.loaded());
+        let mut status = u16::from(self.has_configuration());
         if self.pdi_watchdog.running() {
             status |= DL_STATUS_PDI_WATCHDOG;
         }

@@ -255,8 +255,12 @@ impl Firmware {
         if self.waiting || self.announce {
             self.tell(event, now)?;
         }
+        // One that was hung is only looked at until it yields again.
+        let patience = if self.hung { Duration::ZERO } else { HUNG_AFTER };
+        let begun = Instant::now();
         while !self.waiting {
-            if let Look::Nothing = self.look(pdi, now)? {
+            let looked = self.look(pdi, now)?;
+            if matches!(looked, Look::Nothing) || !self.waiting && begun.elapsed() > patience {
                 self.set_hung(true)?;
                 return Ok(Some(now + IDLE_POLL));
             }
@@ -346,7 +350,9 @@ impl Firmware {
             _ => {
                 let wait = u64_at(message, HEADER);
                 self.waiting = true;
-                self.wake = (wait != u64::MAX).then(|| now + Duration::from_nanos(wait));
+                // Time doesn't stand still for one that always wants to run at once.
+                let wait_of = |ns| if ns == 0 { FREE_POLL } else { Duration::from_nanos(ns) };
+                self.wake = (wait != u64::MAX).then(|| now + wait_of(wait));
                 Ok(())
             }
         }
@@ -515,5 +521,34 @@ mod tests {
         let (mut firmware, theirs) = connected();
         drop(theirs);
         assert!(firmware.run_free(&mut Chip { event: 0 }, AlEvent(0), HostTime(0)).is_err());
+    }
+
+    /// Firmware that asks for ever without yielding is hung as one that is silent is: looked at once a turn, and time goes on.
+    #[test]
+    fn firmware_that_never_yields_doesnt_keep_time_from_going_on() {
+        let (mut firmware, mut theirs) = connected();
+        let mut chip = Chip { event: 0 };
+        firmware.hung = true;
+        for turn in 0..3u64 {
+            for _ in 0..10 {
+                theirs.write_all(&[READ, 0, 0x20, 1, 2, 0]).unwrap();
+            }
+            let now = HostTime(turn);
+            let wake = firmware.run_lockstep(&mut chip, AlEvent(0), now).unwrap();
+            assert_eq!(wake, Some(now + IDLE_POLL));
+            assert!(firmware.hung && !firmware.waiting);
+        }
+        // It yields at last, for no time at all: some passes all the same.
+        let mut yields = vec![YIELD, 0, 0, 0, 8, 0];
+        yields.extend([0; 8]);
+        theirs.write_all(&yields).unwrap();
+        let wake = loop {
+            match firmware.run_lockstep(&mut chip, AlEvent(0), HostTime(5)).unwrap() {
+                wake if firmware.waiting => break wake,
+                _ => {}
+            }
+        };
+        assert_eq!(wake, Some(HostTime(5) + FREE_POLL));
+        assert!(!firmware.hung);
     }
 }

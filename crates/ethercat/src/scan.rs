@@ -23,6 +23,11 @@ use crate::wire::bytes::{u16_at, u32_at};
 use crate::wire::sii::{self, Image};
 use crate::wire::{AlState, Clock, Link, LinkError, register};
 
+/// DL status: the EEPROM was loaded, and the processor is served.
+const EEPROM_LOADED: u16 = 1;
+/// What an EEPROM is whose checksum is wrong.
+const WRONG_CHECKSUM: &str =
+    "the checksum of its EEPROM is wrong: it was left half-written, or never written right";
 /// Counts that must agree one after another, and how often that is tried.
 const COUNT_ATTEMPTS: u32 = 10;
 /// Pause after the ports were opened: a link needs it to be taken into the path of frames.
@@ -204,19 +209,17 @@ impl<L: Link, C: Clock> Bus<L, C> {
         let init_and_acknowledge = (AlState::Init.bits() | AlState::ERROR).to_le_bytes();
         let init = AlState::Init.bits().to_le_bytes();
         let write = Access::broadcast_write;
-        let asked = self.transactor.perform(&mut [
-            write("asking for INIT", register::AL_CONTROL, &init_and_acknowledge, all),
+        self.ask_for_init(&init_and_acknowledge, count)?;
+        self.transactor.perform(&mut [
             write("opening the ports", register::DL_CONTROL_PORTS, &[0], all),
             write("switching the alias off", register::DL_CONTROL_ALIAS, &[0], all),
             write("masking events", register::ECAT_EVENT_MASK, &[0, 0], all),
             write("clearing the error counters", register::RX_ERROR_COUNTERS, &[0; 8], all),
             // Not every chip has these.
             write("clearing the lost-link counters", register::LOST_LINK_COUNTERS, &[0; 4], Expect::Any),
-        ]);
+        ])?;
         // Then without the acknowledge bit, so that its echo in an emulated status is gone again.
-        let again = || [write("asking for INIT", register::AL_CONTROL, &init, all)];
-        let asked = asked.and_then(|()| self.transactor.perform(&mut again()));
-        asked.or_else(|error| Err(self.who_takes_no_request(count)?.unwrap_or(error)))?;
+        self.ask_for_init(&init, count)?;
         for value in [2, 0] {
             self.transactor.perform(&mut [write(
                 "taking the EEPROM",
@@ -228,21 +231,29 @@ impl<L: Link, C: Clock> Bus<L, C> {
         Ok(())
     }
 
-    /// Who takes no request for a state, where not all did: its processor has yet to read the one before.
-    fn who_takes_no_request(&mut self, count: u16) -> Result<Option<SetUpError>, SetUpError> {
+    /// INIT for all. Who takes no request has a processor that has yet to read the one before; behind a chip that didn't load its
+    /// EEPROM none ever does, and such a device is there all the same.
+    fn ask_for_init(&mut self, request: &[u8], count: u16) -> Result<(), SetUpError> {
+        const WHAT: &str = "asking for INIT";
+        let all = Access::broadcast_write(WHAT, register::AL_CONTROL, request, Expect::Exactly(count));
+        let Err(error) = self.transactor.perform_one(all) else { return Ok(()) };
+        let mut is_explained = false;
         for position in 0..count {
-            let init = AlState::Init.bits().to_le_bytes();
-            let ask = Access::write_at("asking for INIT", position, register::AL_CONTROL, &init);
-            match self.transactor.perform_one(ask) {
+            match self.transactor.perform_one(Access::write_at(WHAT, position, register::AL_CONTROL, request))
+            {
                 Ok(_) => {}
                 Err(SetUpError::Access(AccessError { found: Found::WorkingCounter(0), .. })) => {
-                    return Ok(Some(SetUpError::NoFirmware { position }));
+                    let read = Access::read_at("reading DL status", position, register::DL_STATUS, 2);
+                    if u16_at(&self.transactor.perform_one(read)?.data, 0) & EEPROM_LOADED != 0 {
+                        return Err(SetUpError::NoFirmware { position });
+                    }
+                    is_explained = true;
                 }
-                Err(SetUpError::Access(_)) => return Ok(None),
+                Err(SetUpError::Access(_)) => return Err(error),
                 Err(other) => return Err(other),
             }
         }
-        Ok(None)
+        if is_explained { Ok(()) } else { Err(error) }
     }
 
     fn give_addresses(&mut self, count: u16) -> Result<Vec<Target>, SetUpError> {
@@ -250,7 +261,14 @@ impl<L: Link, C: Clock> Bus<L, C> {
         let mut before: Vec<_> =
             (0..count).map(|position| read("reading the station address", position)).collect();
         self.transactor.perform(&mut before)?;
-        let first = address_range::first_station(before.iter().map(|read| u16_at(&read.data, 0)), count);
+        let taken = before.iter().map(|read| u16_at(&read.data, 0));
+        let is_fresh = taken.clone().all(|station| station == 0);
+        let chance = match self.transactor.clock.since_2000_ns() {
+            Some(instant) => instant,
+            None if is_fresh => 0,
+            None => self.transactor.clock.now().0,
+        };
+        let first = address_range::first_station(taken, count, chance);
         let targets: Vec<Target> =
             (0..count).map(|position| Target { position, station: first + position }).collect();
         let mut writes: Vec<_> = targets
@@ -407,6 +425,9 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 Image::parse(bytes).map_err(|cause| SetUpError::Sii { position, cause })?;
             let warnings = problems.into_iter().map(|problem| Warning::Eeprom { position, problem });
             self.warnings.extend(warnings);
+            // Whoever writes an EEPROM makes its checksum right last.
+            let is_whole = image.header.checksum as u8 == image.header.computed_checksum();
+            let broken = broken.or_else(|| (!is_whole).then(|| WRONG_CHECKSUM.to_owned()));
             images.push((image, broken));
         }
         Ok(images)

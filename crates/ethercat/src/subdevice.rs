@@ -190,6 +190,11 @@ impl SubDevice {
         Target { position: self.position, station: self.station_address }
     }
 
+    /// Whether it has this alias, or will have it from its next power-on.
+    pub fn claims_alias(&self, alias: u16) -> bool {
+        self.alias == Some(alias) || self.sii.header.alias == alias
+    }
+
     /// Bits of process data in `direction`.
     pub fn bit_length(&self, direction: Direction) -> u32 {
         self.process_data(direction).map(SyncManager::bit_length).sum()

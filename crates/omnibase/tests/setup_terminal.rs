@@ -202,6 +202,27 @@ fn a_signal_ends_a_motion_as_leaving_does() {
     panic!("{:?}", jogs(&output));
 }
 
+/// A program that says nothing leaves, and is told in its last line how it ended.
+#[test]
+fn a_program_is_told_how_its_set_up_ended() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("mine.toml");
+    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../..");
+    let left = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+        .args(["setup", &format!("sim:{root}/segments/three-servos.toml"), "--lines"])
+        .args(["--robot", &format!("{root}/robots/bmm.toml"), "-o", output.to_str().unwrap()])
+        .stdin(Stdio::null())
+        .output()
+        .unwrap();
+    let said = String::from_utf8_lossy(&left.stdout);
+    let over: serde_json::Value = serde_json::from_str(said.lines().last().unwrap()).unwrap();
+    assert_eq!((left.status.code(), &over["over"]["is_whole"]), (Some(1), &false.into()), "{said}");
+    let words = over["over"]["text"].as_str().unwrap();
+    assert!(
+        words.starts_with("left; the same command takes it up again") && over["over"]["findings"].is_u64()
+    );
+}
+
 /// Two that write one file would each lose what the other found: the second is refused, and says who writes it.
 #[test]
 fn a_second_set_up_of_one_file_is_refused() {

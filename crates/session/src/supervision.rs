@@ -340,7 +340,10 @@ impl Supervisor {
 
     /// Starts the way back of whoever needs it.
     fn start_recovery<L: Link>(&mut self, bus: &mut CyclicBus<L>, now: HostTime) {
-        for one in self.all.iter_mut().filter(|one| one.health != Health::Operational) {
+        // Where another answers, too, nobody knows whom a way back would take.
+        let is_to_come =
+            |one: &&mut Supervised| !matches!(one.health, Health::Operational | Health::NotAlone);
+        for one in self.all.iter_mut().filter(is_to_come) {
             let position = one.subdevice.position;
             let due = match one.way {
                 // Who says itself that it isn't in OP has left it, whatever is tolerated. Who is silent is named one

@@ -12,6 +12,7 @@ pub use floor::Calibrated;
 
 use std::time::Duration;
 
+use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{Clock, Link, LinkError};
 use omnibase_robot::Registry;
 use omnibase_robot::config::{DrivePlan, DriveScale, Identity, RobotPlan, SpeedUnit};
@@ -140,9 +141,35 @@ pub struct Outside<'a> {
 /// Answers that aren't one, after which the set-up is left: a program that can't answer would be asked for ever.
 const ATTEMPTS: u32 = 20;
 
-/// A device by the numbers that tell it from others.
-pub(crate) fn who(vendor_id: u32, product_code: u32, serial: u32) -> String {
-    format!("vendor 0x{vendor_id:08x} product 0x{product_code:08x} serial {serial}")
+/// A drive by the numbers that tell it from others.
+pub(crate) fn who(drive: &FoundDrive) -> String {
+    let FoundDrive { vendor_id, product_code, serial, .. } = drive;
+    let alias = drive.alias.map_or(String::new(), |alias| format!(" alias {alias}"));
+    let shown = drive.identification.map_or(String::new(), |number| format!(" identification {number}"));
+    format!("vendor 0x{vendor_id:08x} product 0x{product_code:08x} serial {serial}{alias}{shown}")
+}
+
+/// Whether somebody may be the drive that was found: it has its numbers, or the alias that was written into it meanwhile.
+pub(crate) fn is_it(was: &FoundDrive, now: &FoundDrive) -> bool {
+    let numbers = |one: &FoundDrive| (one.vendor_id, one.product_code, one.serial);
+    let has_alias = now.alias == was.alias || was.written_alias.is_some() && now.alias == was.written_alias;
+    let shows = was.identification.is_none() || now.identification == was.identification;
+    numbers(was) == numbers(now) && has_alias && shows
+}
+
+/// A SubDevice by what tells it from others.
+pub(crate) fn seen(one: &SubDevice) -> FoundDrive {
+    FoundDrive {
+        position: one.position,
+        name: one.name.clone(),
+        vendor_id: one.identity.vendor_id,
+        product_code: one.identity.product_code,
+        revision: one.identity.revision,
+        serial: one.identity.serial,
+        alias: one.alias,
+        identification: one.identification,
+        ..FoundDrive::default()
+    }
 }
 
 /// What the bus says no to.
@@ -222,6 +249,9 @@ impl<'a, C: Clock> Guide<'a, C> {
                 // Who was there must be there still.
                 if step == Step::Find {
                     self.compare()?;
+                    if !self.are_in_their_places()? {
+                        return Ok(Ended::Left(None));
+                    }
                 }
                 continue;
             }
@@ -427,6 +457,63 @@ mod tests {
         };
         assert_eq!([1, 2, 3].map(|product| gear(None, product)), [10.0, 1.0, 1.0]);
         assert_eq!(["wheel_1", "wheel_2", "wheel_3"].map(|wheel| gear(Some(wheel), 2)), [10.0, 1.0, 5.0]);
+    }
+
+    /// Drives are known by what tells them apart; an alias that was written counts as its own.
+    #[test]
+    fn a_drive_is_known_by_its_numbers_alias_and_switch() {
+        let was = FoundDrive { serial: 1, alias: Some(5), written_alias: Some(7), ..FoundDrive::default() };
+        let with = |alias| FoundDrive { alias, written_alias: None, ..was.clone() };
+        assert!(is_it(&was, &with(Some(5))) && is_it(&was, &with(Some(7))));
+        assert!(!is_it(&was, &with(Some(6))) && !is_it(&was, &with(None)));
+        assert!(!is_it(&was, &FoundDrive { serial: 2, ..was.clone() }));
+        let shows = |identification| FoundDrive { identification, ..was.clone() };
+        assert!(is_it(&was, &shows(Some(3))), "a switch that wasn't chosen");
+        assert!(!is_it(&shows(Some(3)), &shows(Some(4))));
+    }
+
+    /// Says that drives may have been swapped.
+    struct Doubting(Vec<String>);
+
+    impl Hand for Doubting {
+        fn ask(&mut self, question: &Question) -> Answer {
+            self.0.push(question.text.clone());
+            Answer::Said("jog again".to_owned())
+        }
+
+        fn tell(&mut self, _: &str) {}
+
+        fn take_key(&mut self, _: &str) {}
+
+        fn key(&mut self) -> crate::Key {
+            crate::Key::Gone
+        }
+    }
+
+    /// Nobody knows whether drives that look alike were swapped while the set-up was left: it is asked, and they are jogged again.
+    #[test]
+    fn drives_that_look_alike_are_jogged_again_where_nobody_knows_their_places() {
+        const BASE: &str = include_str!("../../../robots/bmm.toml");
+        let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+        let mut open = || -> Result<(Box<dyn Link>, omnibase_ethercat_sim::VirtualClock), String> {
+            let (segment, _) = omnibase_run::simulated::segment(&plan).map_err(|error| error.to_string())?;
+            let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+            Ok((Box::new(link), clock))
+        };
+        let (mut hand, mut keep, mut back_up) =
+            (Doubting(Vec::new()), |_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
+        let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
+        let mut guide =
+            Guide::new(Wished::new(BASE.to_owned()), Record::default(), &mut open, outside).unwrap();
+        guide.find().unwrap();
+        guide.record.done = vec![Step::Find, Step::Jog, Step::Name];
+        for (drive, serial) in guide.record.drives.iter_mut().zip([0, 0, 9]) {
+            (drive.wheel, drive.serial) = (Some(format!("wheel_{}", drive.position + 1)), serial);
+        }
+        assert!(guide.are_in_their_places().unwrap());
+        assert_eq!(guide.record.done, [Step::Find]);
+        assert!(guide.record.drives.iter().all(|drive| drive.wheel.is_none()));
+        assert!(hand.0.len() == 1 && hand.0[0].contains("SubDevices 0, 1 from others"), "{:?}", hand.0);
     }
 
     /// Keeps what is sent.

@@ -353,6 +353,14 @@ fn nothing_is_dropped_in_silence() {
         ),
         (entry("<Index>#x7000</Index>stray<BitLen>8</BitLen>"), "RxPdo/Entry/text()"),
         ("<Sm StartAddress=\"#x1000\" ControlByte=\"#x64\">Outputs</Sm>stray".to_owned(), "text()"),
+        (
+            entry("<Index>#x7000</Index><BitLen>8</BitLen><x:BitLen xmlns:x=\"u\">9</x:BitLen>"),
+            "RxPdo/Entry/BitLen",
+        ),
+        (
+            entry("<Index xmlns:x=\"u\" x:DependOnSlot=\"1\">#x7000</Index><BitLen>8</BitLen>"),
+            "RxPdo/Entry/Index/@DependOnSlot",
+        ),
         ("<Eeprom AssignToPdi=\"1\"><ByteSize>2048</ByteSize></Eeprom>".to_owned(), "Eeprom/@AssignToPdi"),
     ] {
         assert_eq!(unread(&text), [told], "{text}");
@@ -392,6 +400,11 @@ fn slots_stay_empty_and_those_that_must_be_filled_are_told() {
     assert!(
         few(&with(vec![])) && few(&with(vec![&all[0], empty])) && !few(&with(vec![&all[0], empty, &all[1]]))
     );
+    let many = MADE_UP.replace("MaxInstances=\"8\"", "MaxInstances=\"300\"");
+    let many = EsiFile::parse(many.as_bytes()).unwrap();
+    assert_ne!(MADE_UP.matches("MaxInstances=\"8\"").count(), 0);
+    let refused = Assembly::new(&many.devices[2], vec![&many.modules[0]; 256]).map(drop).unwrap_err();
+    assert_eq!(refused, AssemblyError::TooMany { device: "MU-COUPLER".into(), most: 255, found: 256 });
     // What stands behind an empty slot counts up with its own.
     let (behind, filled) = (with(vec![empty, &all[1]]), with(vec![&all[0], &all[1]]));
     let last = |assembly: &Assembly| assembly.pdos(true).last().map(|pdo| pdo.index.index);

@@ -30,6 +30,9 @@ pub enum Health {
     /// It doesn't answer at its station address: without power, cut off, or restarted; see
     /// [`super::CyclicBus::is_certain`].
     Silent,
+    /// Others answer at its station address, too, as a part of the segment does that was plugged in with the addresses of another
+    /// start: nothing that is read there can be believed.
+    NotAlone,
     /// It answers, but not from OP.
     NotOperational {
         /// AL status (0x0130), error bit included.
@@ -120,7 +123,7 @@ impl Diagnosis {
         match self.health.get(position) {
             None | Some(Health::Operational) => false,
             Some(Health::NotOperational { .. }) => true,
-            Some(Health::Silent) => self.unanswered[position] >= CERTAIN,
+            Some(Health::Silent | Health::NotAlone) => self.unanswered[position] >= CERTAIN,
         }
     }
 
@@ -239,9 +242,9 @@ impl Diagnosis {
                 ItemState::Open { .. }
                 | ItemState::Sent { .. }
                 | ItemState::Failed { found: Found::Nothing } => continue,
-                ItemState::Failed { .. } => {
+                ItemState::Failed { found: Found::WorkingCounter(counter) } => {
                     *unanswered = unanswered.saturating_add(1);
-                    Health::Silent
+                    if counter > 1 { Health::NotAlone } else { Health::Silent }
                 }
                 ItemState::Answered if status == AlState::Op.bits() => Health::Operational,
                 ItemState::Answered => {

@@ -20,7 +20,7 @@ impl<L: Link> CyclicBus<L> {
             return;
         };
         // One that answers keeps the time whatever its state. One that is on its way back serves from the moment at which it has its time.
-        let is_lost = self.health_of(reference) == Health::Silent
+        let is_lost = matches!(self.health_of(reference), Health::Silent | Health::NotAlone)
             && !(self.promoted_reference == Some(reference) && self.acyclic.is_recovering(reference));
         if is_lost || self.reference_is_unset {
             let led = |member: &&Member| {

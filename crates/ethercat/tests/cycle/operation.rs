@@ -1,6 +1,6 @@
 //! From power-on to OP, in OP, and back.
 
-use omnibase_ethercat::cyclic::{ClockDirection, Goal, TransitionError, TransitionStatus};
+use omnibase_ethercat::cyclic::{ClockDirection, Goal, Health, TransitionError, TransitionStatus};
 use omnibase_ethercat::wire::frame::{DATAGRAM_HEADER, Datagrams};
 use omnibase_ethercat::wire::{AlState, Clock, Command, HostTime};
 use omnibase_ethercat::{Exchange, SubDeviceConfig};
@@ -136,6 +136,31 @@ fn an_error_without_a_code_is_refused_on_the_way_up() {
     assert!(matches!(error, TransitionError::StateRefused { position: 0, status: 0x14, .. }), "{error:?}");
 }
 
+/// A part of the segment comes back with addresses that somebody else was given meanwhile: neither is believed, and that is said.
+#[test]
+fn two_at_one_address_are_told_from_one_that_is_silent() {
+    let file = "[[subdevice]]\nkind = \"coupler\"\nname = \"hub\"\n\
+                [[subdevice]]\nkind = \"servo\"\nparent = \"hub\"\nport = 1\n\
+                [[subdevice]]\nkind = \"servo\"\nparent = \"hub\"\nport = 2\n";
+    let segment = SegmentFile::parse(file).unwrap().build(std::path::Path::new(".")).unwrap();
+    let configs = [SubDeviceConfig::default(), SubDeviceConfig::default()];
+    let mut runner = Runner::behind(segment, &configs, ClockDirection::CycleFollowsDc, |bus| {
+        bus.scan().unwrap();
+        bus.configure(&[0, 1, 2].map(|_| SubDeviceConfig::default())).unwrap();
+        let segment = bus.transactor().link.segment();
+        segment.inject(0, Fault::CableCut { port: 1 }).unwrap();
+        for position in [0, 2] {
+            segment.inject(position, Fault::PowerOff).unwrap();
+            segment.inject(position, Fault::PowerOn).unwrap();
+        }
+    });
+    assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
+    runner.segment().inject(0, Fault::CableRestored { port: 1 }).unwrap();
+    runner.cycles(50);
+    assert_eq!(runner.bus().health(), [Health::Operational, Health::NotAlone]);
+    assert_ne!(runner.cycle(), Exchange::Complete);
+}
+
 /// A drive keeps its supply while it is unplugged, and with it the addresses of the start that it took part in: plugged in again
 /// behind another start, it answers to nobody else's.
 #[test]
@@ -155,7 +180,9 @@ fn who_was_unplugged_for_a_start_answers_to_no_address_of_another() {
         assert_eq!(runner.cycle(), Exchange::Complete, "cycle {cycle}");
     }
     let stations = runner.segment().sub_devices().iter();
-    let stations: Vec<_> = stations.map(|one| one.esc().peek(0x0010, 2).unwrap().to_vec()).collect();
-    assert_eq!(stations, [[0x01, 0x1E], [0x02, 0x1E], [0x03, 0x10]]);
+    let stations =
+        stations.map(|one| u16::from_le_bytes(one.esc().peek(0x0010, 2).unwrap().try_into().unwrap()));
+    let stations: Vec<u16> = stations.collect();
+    assert!(stations[2] == 0x1003 && stations[..2].iter().all(|one| *one > 0x1003), "{stations:x?}");
     assert_eq!(runner.to(Goal::Init), TransitionStatus::Reached(Goal::Init));
 }

@@ -73,7 +73,7 @@ fn aliases_and_positions_that_fit_nobody_are_named() {
     let with = |first: SubDeviceConfig| refusal(&[first, others[0].clone(), others[1].clone()]).0;
     assert_eq!(
         with(at(Match::Alias(6), 1)),
-        Mismatch::NoSuchAlias { alias: 6, found: vec![7, 7], name: None }
+        Mismatch::NoSuchAlias { alias: 6, found: vec![5, 7, 7], name: None }
     );
     let both = Mismatch::AmbiguousAlias { alias: 7, positions: vec![1, 2] };
     assert_eq!(with(at(Match::Alias(7), 2)), both);

@@ -212,7 +212,7 @@ fn others(bus: &AnyBus, position: u16) -> impl Iterator<Item = &SubDevice> {
 
 /// Refuses an alias that another SubDevice has, or will have from its next power-on.
 fn ensure_alias_is_free(bus: &AnyBus, position: u16, alias: u16) -> anyhow::Result<()> {
-    let has = |one: &&SubDevice| one.alias == Some(alias) || one.sii.header.alias == alias;
+    let has = |one: &&SubDevice| one.claims_alias(alias);
     let owners: Vec<u16> = others(bus, position).filter(has).map(|one| one.position).collect();
     ensure!(
         alias == 0 || owners.is_empty(),
@@ -268,7 +268,10 @@ fn write_checked(
         new_file::write(&backup, &before)?;
         note(format_args!("the present content is in {}", backup.display()));
         let words = bus.write_sii(position, &before, &image);
-        words.with_context(|| format!("the backup is {}", backup.display()))
+        words.with_context(|| {
+            let backup = backup.display();
+            format!("what it holds now isn't known: give the same command again, with another --backup; the backup is {backup}")
+        })
     })?;
     writeln!(
         output,

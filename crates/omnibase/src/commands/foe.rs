@@ -127,8 +127,10 @@ fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Out
     let access = place.access(file)?;
     let mut bus = place.open(&access)?;
     let request = MailboxRequest::read_file(access.clone(), Vec::with_capacity(READ_LIMIT));
-    let content = place.transfer(&mut bus, request).with_context(|| format!("file `{}`", access.name))?;
+    let content = place.transfer(&mut bus, request);
+    // Its firmware is untouched, whatever became of the file.
     place.leave(&mut bus)?;
+    let content = content.with_context(|| format!("file `{}`", access.name))?;
     new_file::write(file, &content)?;
     writeln!(
         output,

@@ -14,6 +14,7 @@ use crate::small_file;
 use crate::target::{AnyClock, Manners, Port, Target};
 use crate::token;
 use anyhow::Context;
+use lines::Over;
 use omnibase_dashboard::Access;
 use omnibase_ethercat::wire::Link;
 use omnibase_host::{FileLock, stop_on_signals};
@@ -42,7 +43,8 @@ at a tenth of its rated torque and half a radian per second; a key that isn't he
 that is gone, stops it. Steps: find, jog each wheel (which, which way, how far), alias or switch of each drive, enable without moving, brakes,
 emergency stop, parameters, file; then on the floor the first metre, and a calibration by a tape. With --lines
 each line is a JSON object. Out: {\"tell\": text}, {\"question\": {id, text, choices, default}}, {\"hold\": what}; in: {\"answer\": text},
-{\"key\": true} for each beat of the held key, {\"key\": false} where it is let go, {\"leave\": true}. What was
+{\"key\": true} for each beat of the held key, {\"key\": false} where it is let go, {\"leave\": true}; in the end
+{\"over\": {is_whole, findings, text}}. A key that is still down when a motion begins is none of its own: let it go first. What was
 found and done stands beside the file, as .state.json and .record.md; another file of that name is left alone. `omnibase run` and `calibrate` go on from there.
 [guide: docs/guides/any-device.md]")]
 pub struct Arguments {
@@ -176,7 +178,8 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         Ok(false) => format!("left; the same command takes it up again (`{}`)", state.display()),
         Err(error) => format!("{error:#}"),
     };
-    hand.end(&words);
+    let findings = record.findings.len();
+    hand.end(&Over { is_whole: matches!(finished, Ok(true)), findings, text: words.clone() });
     match finished {
         Ok(true) if arguments.lines => Ok(Outcome::Done),
         Ok(true) => {
@@ -268,11 +271,11 @@ impl Operator {
     }
 
     /// Is told how it ended.
-    fn end(self, words: &str) {
+    fn end(self, over: &Over) {
         match self {
             Operator::Person(_) => {}
-            Operator::Lines(lines) => lines.end(),
-            Operator::Page(page) => page.end(words.to_owned()),
+            Operator::Lines(lines) => lines.end(over),
+            Operator::Page(page) => page.end(over.text.clone()),
         }
     }
 }

@@ -344,12 +344,18 @@ fn what_a_scan_is_not_sure_of_stands_in_its_tables() {
     };
     let object = ObjectAddress::new(0x6000, 1);
     let entries = vec![sii::PdoEntry { object, name: 0, data_type: 0, bit_length: 16, flags: 0 }];
-    let pdo = sii::Pdo { index: 0x1A00, sync_manager: Some(0), synchronization: 0, name: 0, flags: 0, entries };
-    let mut quiet =
-        sii::Image { sync_managers: vec![inputs], tx_pdos: vec![pdo], ..sii::Image::default() };
+    let pdo =
+        sii::Pdo { index: 0x1A00, sync_manager: Some(0), synchronization: 0, name: 0, flags: 0, entries };
+    let mut quiet = sii::Image { sync_managers: vec![inputs], tx_pdos: vec![pdo], ..sii::Image::default() };
     quiet.header.checksum = u16::from(quiet.header.computed_checksum());
     std::fs::write(folder.path("quiet.bin"), quiet.emit()).unwrap();
-    let maker = root().join("segments/maker.xml");
+    // An object of no meaning before the one that the dictionary describes.
+    let value = "<Entry><Index DependOnSlot=\"1\">#x6000</Index>";
+    let dummy = "<Entry><Index>#x0006</Index><SubIndex>0</SubIndex><BitLen>16</BitLen></Entry>";
+    let text = std::fs::read_to_string(root().join("segments/maker.xml")).unwrap();
+    assert!(text.contains(value));
+    let maker = folder.path("maker.xml");
+    std::fs::write(&maker, text.replace(value, &format!("{dummy}{value}"))).unwrap();
     let segment = folder.path("segment.toml");
     let servo = |more: &str| format!("[[subdevice]]\nkind = \"servo\"\n{more}\n");
     let text = [
@@ -360,7 +366,7 @@ fn what_a_scan_is_not_sure_of_stands_in_its_tables() {
         servo("identification = 6"),
         format!(
             "[[subdevice]]\nkind = \"esi\"\nesi = \"{}\"\ndevice = \"MU-COUPLER\"\nmodules = [\"MU-AI\", \"MU-DO\"]\n",
-            maker.display()
+            maker
         ),
         "[[subdevice]]\nkind = \"sii\"\nsii = \"cut.bin\"\n".to_owned(),
         "[[subdevice]]\nkind = \"sii\"\nsii = \"quiet.bin\"\n".to_owned(),

@@ -13,6 +13,12 @@ impl fmt::Display for HealthWords {
         let (status, code) = match self.0 {
             Health::Operational => return f.write_str("in OP"),
             Health::Silent => return f.write_str("it does not answer (no power, cable out, or restarted)"),
+            Health::NotAlone => {
+                return f.write_str(
+                    "another SubDevice answers at its address, too (plugged in with the addresses of another start: \
+                     unplug it, switch it off and on, and start again)",
+                );
+            }
             Health::NotOperational { status, code } => (status, code),
         };
         match AlState::from_bits(status) {

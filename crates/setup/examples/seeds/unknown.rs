@@ -234,6 +234,7 @@ impl Hand for Person<'_> {
             "parameters" => "write".to_owned(),
             "stopped" | "opened" => "yes".to_owned(),
             "name" => "position".to_owned(),
+            "places" => "as before".to_owned(),
             "brake" => "no".to_owned(),
             "push" => {
                 self.world.borrow_mut().pushed =

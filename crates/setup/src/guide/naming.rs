@@ -32,7 +32,7 @@ impl<C: Clock> Guide<'_, C> {
                 others.filter(|one| is_its(one)).map(|one| one.position).next()
             };
             if let Some(alias) = alias {
-                let Some(other) = others(&|one| one.alias == Some(alias)) else {
+                let Some(other) = others(&|one| one.claims_alias(alias)) else {
                     self.hand.tell(&format!("{wheel}: its drive has alias {alias}"));
                     self.record.drives[number].alias = Some(alias);
                     continue;
@@ -83,12 +83,19 @@ impl<C: Clock> Guide<'_, C> {
         for (number, alias) in written {
             let drive = &mut self.record.drives[number];
             let shown = bus.subdevices()[usize::from(drive.position)].alias;
+            let mut others = bus.subdevices().iter().filter(|one| one.position != drive.position);
+            let other = others.find(|one| one.claims_alias(alias)).map(|one| one.position);
             let wheel = drive.wheel.clone().unwrap_or_default();
-            if shown == Some(alias) {
-                drive.alias = Some(alias);
+            if let Some(other) = other {
+                let text = format!(
+                    "{wheel}: SubDevice {other} has the alias {alias}, too: it is found by its position; give that another alias"
+                );
+                self.hand.tell(&text);
+                self.record.found(text);
+            } else if shown == Some(alias) {
+                (drive.alias, drive.written_alias) = (Some(alias), None);
                 self.record.note(format!("{wheel}: its drive shows alias {alias}"));
             } else {
-                drive.written_alias = Some(alias);
                 let shown = shown.map_or("none".to_owned(), |alias| alias.to_string());
                 let text = format!(
                     "{wheel}: alias {alias} was written, its drive shows {shown}: it is found by its position until it was switched off and on"
@@ -102,14 +109,14 @@ impl<C: Clock> Guide<'_, C> {
 
     /// An alias that nobody has, asked for.
     fn free_alias(&mut self, bus: &AnyBus<C>, number: usize, written: &[(usize, u16)]) -> Result<u16, Leave> {
+        let position = self.record.drives[number].position;
         let is_free = |alias: u16| {
-            let is_its = |one: Option<u16>| one == Some(alias);
+            let mut others = bus.subdevices().iter().filter(|one| one.position != position);
             alias > 0
-                && !bus.subdevices().iter().any(|one| is_its(one.alias))
+                && !others.any(|one| one.claims_alias(alias))
                 && written.iter().all(|(_, other)| *other != alias)
         };
         let likely = (number as u16 + 1..=u16::MAX).find(|alias| is_free(*alias)).unwrap_or(u16::MAX);
-        let position = self.record.drives[number].position;
         loop {
             let text = "which alias (1 to 65535)?".to_owned();
             let said =
@@ -142,6 +149,7 @@ impl<C: Clock> Guide<'_, C> {
             return Ok(false);
         }
         bus.write_sii(position, &before, &after).map_err(|error| in_words(&error))?;
+        self.record.drives[number].written_alias = Some(alias);
         self.record.note(format!("SubDevice {position}: alias {alias} written into its EEPROM"));
         self.kept();
         Ok(true)

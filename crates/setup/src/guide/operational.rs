@@ -16,7 +16,7 @@ use omnibase_ethercat::wire::{Clock, Link, LinkError};
 use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
 
 use super::at_start::AtStart;
-use super::{Guide, SetupError, in_words, who};
+use super::{Guide, SetupError, in_words, is_it, seen, who};
 use crate::drive::DriveMap;
 use crate::record::FoundDrive;
 
@@ -121,14 +121,10 @@ impl<C: Clock> Guide<'_, C> {
     /// Each drive is where it was found: another one in its place would be turned for it.
     pub(super) fn are_those_found(&self, bus: &Bus<Box<dyn Link>, C>) -> Result<(), SetupError> {
         for was in &self.record.drives {
-            let one = bus.subdevices().get(usize::from(was.position));
-            let found = one.map_or("nobody".to_owned(), |one| {
-                let identity = &one.identity;
-                who(identity.vendor_id, identity.product_code, identity.serial)
-            });
-            let expected = who(was.vendor_id, was.product_code, was.serial);
-            if found != expected {
-                return Err(SetupError::Changed { position: was.position, expected, found });
+            let now = bus.subdevices().get(usize::from(was.position)).map(seen);
+            if !now.as_ref().is_some_and(|now| is_it(was, now)) {
+                let found = now.as_ref().map_or("nobody".to_owned(), who);
+                return Err(SetupError::Changed { position: was.position, expected: who(was), found });
             }
         }
         Ok(())

@@ -11,8 +11,8 @@ use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 
 use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE};
-use super::{Guide, SetupError, in_words, is_product, who};
-use crate::record::{FoundDevice, FoundDrive};
+use super::{Guide, SetupError, in_words, is_it, is_product, seen, who};
+use crate::record::{FoundDevice, FoundDrive, Step};
 
 /// The profile of drives in 0x1000.
 const DRIVES: u32 = 402;
@@ -44,16 +44,8 @@ impl<C: Clock> Guide<'_, C> {
         let mut drives = Vec::new();
         for position in 0..bus.subdevices().len() as u16 {
             let one = &bus.subdevices()[usize::from(position)];
-            let mut found = FoundDrive {
-                position,
-                name: one.name.clone(),
-                vendor_id: one.identity.vendor_id,
-                product_code: one.identity.product_code,
-                revision: one.identity.revision,
-                serial: one.identity.serial,
-                alias: one.alias,
-                ..FoundDrive::default()
-            };
+            // Whether it is found by its switch is chosen later.
+            let mut found = FoundDrive { identification: None, ..seen(one) };
             let speaks_coe = one.sii.header.mailbox_protocols & sii::PROTOCOL_COE != 0;
             let mut read = |index, subindex| read_number(bus, position, ObjectAddress::new(index, subindex));
             if !speaks_coe || read(0x1000, 0).is_none_or(|kind| kind & 0xFFFF != DRIVES) {
@@ -145,13 +137,12 @@ impl<C: Clock> Guide<'_, C> {
     /// The drives are those of when the set-up was left.
     pub(super) fn compare(&mut self) -> Result<(), SetupError> {
         let mut bus = self.bus()?;
+        self.are_those_found(&bus)?;
         let now = self.drives_on(&mut bus);
         for was in &self.record.drives {
-            let words = |one: &FoundDrive| who(one.vendor_id, one.product_code, one.serial);
-            let found =
-                now.iter().find(|one| one.position == was.position).map_or("no drive".to_owned(), words);
-            if found != words(was) {
-                return Err(SetupError::Changed { position: was.position, expected: words(was), found });
+            if !now.iter().any(|one| one.position == was.position) {
+                let found = "no drive".to_owned();
+                return Err(SetupError::Changed { position: was.position, expected: who(was), found });
             }
         }
         let mut shown = Vec::new();
@@ -171,6 +162,35 @@ impl<C: Clock> Guide<'_, C> {
             self.record.note(text);
         }
         Ok(())
+    }
+
+    /// Drives that nothing tells apart may have been swapped since they were jogged: somebody says whether they were, and who was
+    /// jogged is jogged again where he doesn't know. `false` where he leaves.
+    pub(super) fn are_in_their_places(&mut self) -> Result<bool, SetupError> {
+        let drives = &self.record.drives;
+        let jogged = |one: &&FoundDrive| one.wheel.is_some();
+        let alike: Vec<String> = drives
+            .iter()
+            .filter(jogged)
+            .filter(|one| drives.iter().any(|other| other.position != one.position && is_it(one, other)))
+            .map(|one| one.position.to_string())
+            .collect();
+        if alike.is_empty() {
+            return Ok(true);
+        }
+        let text = format!(
+            "nothing tells SubDevices {} from others (no serial number, alias or switch): is each plugged in where it was when its wheel turned?",
+            alike.join(", ")
+        );
+        let choices = ["as before", "jog again"].map(str::to_owned);
+        let Ok(said) = self.choose("places".to_owned(), text, &choices) else { return Ok(false) };
+        if said == choices[1] {
+            self.record.note("drives may have been swapped: begun again with who is on the bus".to_owned());
+            self.record.done.clear();
+            self.find()?;
+            self.finish(Step::Find);
+        }
+        Ok(true)
     }
 
     /// What jogs wrote over is as it was found.

@@ -345,6 +345,10 @@ fn health_words(health: Health) -> Option<String> {
     match health {
         Health::Operational => None,
         Health::Silent => Some("does not answer: without power, cut off, or restarted".to_owned()),
+        Health::NotAlone => Some(
+            "isn't alone: another SubDevice answers at its address, which it kept of another start; switch that off and on"
+                .to_owned(),
+        ),
         Health::NotOperational { status, code } => {
             let state = AlState::from_bits(status).map_or("an unknown state", AlState::name);
             Some(format!("is in {state}: {code} ({})", code.probable_cause()))

@@ -1,10 +1,10 @@
 //! What `scan` found, as tables for a robot's file.
 
+use crate::dictionary::{Objects, OnBus};
 use crate::robot_table::{RobotTable, TO_FILL, in_array, plain_name, signal_type};
 use crate::target::AnyBus;
 use crate::value::DataType;
 use omnibase_ethercat::Warning;
-use omnibase_ethercat::mailbox::EntryDescription;
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::subdevice::{Direction, MappedObject, MappedPdo, SubDevice};
 use omnibase_ethercat::wire::coe::ObjectAddress;
@@ -168,11 +168,11 @@ fn pdos(one: &SubDevice, direction: Direction) -> Vec<MappedPdo> {
 fn ask_dictionary(bus: &mut AnyBus, position: u16, maps: &mut [Vec<MappedPdo>; 2]) {
     let entries = maps.iter_mut().flatten().flat_map(|pdo| &mut pdo.entries);
     for entry in entries.filter(|entry| entry.object.index != 0 && entry.data_type.is_none()) {
-        // Who describes one describes the others, and who doesn't may take seconds to say so.
-        let Ok(bytes) = bus.describe_entry(position, entry.object, 0) else { return };
-        if let Some(told) = EntryDescription::read(&bytes) {
+        // Who doesn't answer one takes as long to say nothing to the others.
+        let Ok(told) = OnBus { bus, position }.entry(entry.object) else { return };
+        if let Ok(told) = told {
             entry.data_type = u8::try_from(told.data_type).ok();
-            entry.name.get_or_insert_with(|| String::from_utf8_lossy(told.name).into_owned());
+            entry.name.get_or_insert(told.name);
         }
     }
 }

@@ -2,6 +2,11 @@
 
 use omnibase_setup::Key;
 use std::sync::atomic::{AtomicBool, AtomicU32, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+/// A key that wasn't heard for so long was let go.
+const SILENCE: Duration = Duration::from_millis(250);
 
 /// What was heard of a key since it was taken.
 #[derive(Debug, Default)]
@@ -10,16 +15,41 @@ pub struct Heard {
     taken: AtomicU32,
     let_go: AtomicBool,
     gone: AtomicBool,
+    press: Mutex<Press>,
+}
+
+/// A key that is down; not the cycle's.
+#[derive(Clone, Copy, Debug, Default)]
+struct Press {
+    /// The last beat of a key that wasn't told to be let go.
+    last: Option<Instant>,
+    /// It was down before the motion began.
+    is_held_over: bool,
 }
 
 impl Heard {
+    /// The same key for another motion.
+    pub fn again(&self) -> Self {
+        Heard { press: Mutex::new(*self.press()), ..Heard::default() }
+    }
+
+    fn press(&self) -> MutexGuard<'_, Press> {
+        self.press.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
     /// The key is down.
     pub fn beat(&self) {
-        self.beats.fetch_add(1, Ordering::Relaxed);
+        let mut press = self.press();
+        press.is_held_over &= press.last.is_some_and(|last| last.elapsed() < SILENCE);
+        press.last = Some(Instant::now());
+        if !press.is_held_over {
+            self.beats.fetch_add(1, Ordering::Relaxed);
+        }
     }
 
     /// It was let go.
     pub fn let_go(&self) {
+        *self.press() = Press::default();
         self.let_go.store(true, Ordering::Relaxed);
     }
 
@@ -33,8 +63,11 @@ impl Heard {
         self.gone.load(Ordering::Relaxed)
     }
 
-    /// A motion begins: what was heard of the key before is none of its own, but whoever is gone stays gone.
+    /// A motion begins: what was heard of the key before is none of its own, nor is a key that stays down; but whoever is gone stays
+    /// gone.
     pub fn begin(&self) {
+        let mut press = self.press();
+        press.is_held_over = press.last.is_some_and(|last| last.elapsed() < SILENCE);
         self.let_go.store(false, Ordering::Relaxed);
         self.taken.store(self.beats.load(Ordering::Relaxed), Ordering::Relaxed);
     }
@@ -52,5 +85,35 @@ impl Heard {
             (false, true) => Key::Beat,
             (false, false) => Key::Quiet,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A key that stays down from one motion to the next moves nothing in that.
+    #[test]
+    fn a_key_that_is_still_down_is_pressed_anew() {
+        let heard = Heard::default();
+        heard.begin();
+        heard.beat();
+        assert_eq!(heard.key(), Key::Beat);
+        heard.begin();
+        heard.beat();
+        assert_eq!(heard.key(), Key::Quiet, "still down");
+        heard.let_go();
+        assert_eq!(heard.key(), Key::LetGo);
+        heard.beat();
+        assert_eq!(heard.key(), Key::Beat, "pressed anew");
+        // Another terminal's listener goes on with it.
+        let next = heard.again();
+        next.begin();
+        next.beat();
+        assert_eq!(next.key(), Key::Quiet);
+        let silent = Press { last: Instant::now().checked_sub(SILENCE), is_held_over: true };
+        *next.press() = silent;
+        next.beat();
+        assert_eq!(next.key(), Key::Beat, "it was silent");
     }
 }

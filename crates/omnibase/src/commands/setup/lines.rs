@@ -1,10 +1,12 @@
 //! A program that answers, line by line.
 //!
 //! Out: `{"tell": …}`, `{"question": {"id", "text", "choices", "default"}}`, `{"hold": …}`. In: `{"answer": …}`,
-//! `{"key": true}` for a beat of the held key, `{"key": false}` where it is let go, `{"leave": true}`.
+//! `{"key": true}` for a beat of the held key, `{"key": false}` where it is let go, `{"leave": true}`. The last line out is
+//! `{"over": {"is_whole", "findings", "text"}}`.
 
 use super::heard::Heard;
 use omnibase_setup::{Answer, Hand, Key, Question};
+use serde::Serialize;
 use serde_json::{Value, json};
 use std::io::{BufRead, Read, Write};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,6 +20,17 @@ const LONGEST_LINE: u64 = 4096;
 const LOOK: Duration = Duration::from_millis(50);
 /// Lines beside those of the key that may wait to be read.
 const WAITING: usize = 16;
+
+/// How a set-up ended.
+#[derive(Debug, Serialize)]
+pub struct Over {
+    /// The robot's file is written as a whole.
+    pub is_whole: bool,
+    /// What somebody has to look at.
+    pub findings: usize,
+    /// In words.
+    pub text: String,
+}
 
 /// A program at an input and an output.
 pub struct Lines<W> {
@@ -49,12 +62,13 @@ impl<W: Write> Lines<W> {
         }
     }
 
-    /// Says why nobody listens any more, where the program didn't mean it to be so.
-    pub fn end(mut self) {
+    /// Says why nobody listens any more, where the program didn't mean it to be so, and how it ended.
+    pub fn end(mut self, over: &Over) {
         let why = self.broken_off.lock().unwrap_or_else(PoisonError::into_inner).take();
         if let Some(why) = why {
             self.say(&json!({ "tell": why }));
         }
+        self.say(&json!({ "over": over }));
     }
 }
 

@@ -19,6 +19,8 @@ const LOOK: Duration = Duration::from_millis(20);
 /// A person at the terminal.
 pub struct Person {
     listening: Option<Listening>,
+    /// The bar of the motion before.
+    heard: Arc<Heard>,
     /// What was typed, or piped in, and isn't read as a line yet.
     typed: Vec<u8>,
     stop: &'static AtomicBool,
@@ -26,7 +28,6 @@ pub struct Person {
 
 /// The keyboard's thread, and what it heard.
 struct Listening {
-    heard: Arc<Heard>,
     end: Arc<AtomicBool>,
     thread: JoinHandle<()>,
 }
@@ -34,7 +35,7 @@ struct Listening {
 impl Person {
     /// A person at the standard input; `stop` ends it as leaving does.
     pub fn new(stop: &'static AtomicBool) -> Self {
-        Person { listening: None, typed: Vec::new(), stop }
+        Person { listening: None, heard: Arc::default(), typed: Vec::new(), stop }
     }
 
     /// The next line; `None` where none will come, or the program is ended.
@@ -149,8 +150,8 @@ impl Hand for Person {
 
     fn take_key(&mut self, what: &str) {
         self.stop_listening();
-        println!("{} [space bar held; any other key ends it]", shown(what));
-        let heard = Arc::new(Heard::default());
+        println!("{} [space bar held, pressed anew; any other key ends it]", shown(what));
+        let heard = Arc::new(self.heard.again());
         if enable_raw_mode().is_err() {
             heard.gone();
         }
@@ -162,11 +163,12 @@ impl Hand for Person {
             let (heard, end) = (Arc::clone(&heard), Arc::clone(&end));
             std::thread::spawn(move || listen(&heard, &end))
         };
-        self.listening = Some(Listening { heard, end, thread });
+        self.listening = Some(Listening { end, thread });
+        self.heard = heard;
     }
 
     fn key(&mut self) -> Key {
         let is_ended = self.stop.load(Ordering::Relaxed);
-        self.listening.as_ref().filter(|_| !is_ended).map_or(Key::Gone, |listening| listening.heard.key())
+        self.listening.as_ref().filter(|_| !is_ended).map_or(Key::Gone, |_| self.heard.key())
     }
 }
