@@ -53,6 +53,8 @@ struct Identified {
     alias: Option<u16>,
     ports: [Port; 4],
     application: Application,
+    /// Its EEPROM was loaded; else nobody ever hears its requests.
+    is_loaded: bool,
 }
 
 impl<L: Link, C: Clock> Bus<L, C> {
@@ -316,6 +318,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 esc,
                 alias: Some(u16_at(&reads[1].data, 0)).filter(|&alias| alias != 0),
                 ports: topology::read_ports(esc.port_descriptor, u16_at(&reads[2].data, 0)),
+                is_loaded: u16_at(&reads[2].data, 0) & EEPROM_LOADED != 0,
                 application: if emulated { Application::Emulated } else { Application::Controller },
             });
         }
@@ -326,6 +329,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
         let timeout = self.options.timeouts.init;
         let mut changes: Vec<_> = identified
             .iter()
+            .filter(|one| one.is_loaded)
             .map(|one| StateChange::new(one.target, one.application, AlState::Init, timeout))
             .collect();
         for result in self.transactor.drive(&mut changes)? {
