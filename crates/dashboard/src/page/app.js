@@ -238,7 +238,7 @@ async function drawPlanned(seen) {
   }));
   const most = Math.max(0, ...planned.speeds_m_s);
   by("speed-key").hidden = most <= 0;
-  by("speed-most").textContent = `${most.toFixed(2)} m/s`;
+  write(by("speed-most"), `${most.toFixed(2)} m/s`);
 }
 
 /** Every message counts, but only the latest is drawn: a page that draws slowly must not see ever older ones. */
