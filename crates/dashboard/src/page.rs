@@ -41,6 +41,7 @@ pub(crate) const SETUP_FILES: Files = &[
     ("style.css", "text/css; charset=utf-8", include_str!("page/style.css")),
     ("setup.css", "text/css; charset=utf-8", include_str!("page/setup.css")),
     ("setup.js", "text/javascript; charset=utf-8", include_str!("page/setup.js")),
+    ("write.js", "text/javascript; charset=utf-8", include_str!("page/write.js")),
 ];
 
 /// Answers files to whom the gate lets in; a right token in the address becomes a cookie.

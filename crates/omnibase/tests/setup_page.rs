@@ -408,6 +408,7 @@ fn a_page_that_falls_silent_takes_the_torque_off() {
                 if now["enabled"] == true && now["travel"].as_f64().is_some_and(|travel| travel.abs() > 0.0) {
                     break true;
                 }
+                std::thread::sleep(Duration::from_millis(20));
             };
             if moved {
                 lose(&mut page);

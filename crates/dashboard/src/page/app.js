@@ -17,6 +17,8 @@ import { write } from "./write.js";
 
 /** So long a slow line may take for a stop. */
 const STOP_MS = 10000;
+/** So often numbers and plots are drawn, and all else while the platform stands. */
+const READ_MS = 100;
 
 const by = (id) => document.getElementById(id);
 const view = new View(by("view"));
@@ -29,7 +31,7 @@ const warning = new Warning();
 const beside = new Beside(by("beside"), { ask, halt, value });
 const settings = new Settings(by("settings"), (values) => ask({ do: "set", values }));
 new Objects(by("objects"), (call) => link.call(call));
-let facts = null, plots = null, columns = new Map(), last = null, me = null, may = "look", bit = null, isBlocked = false, isDrawing = false, who = "connecting", planned = null, plannedKey = "", walls = null;
+let facts = null, plots = null, columns = new Map(), last = null, me = null, may = "look", bit = null, isBlocked = false, isDrawing = false, read_ms = -Infinity, who = "connecting", planned = null, plannedKey = "", walls = null;
 
 // What is pressed.
 
@@ -236,7 +238,7 @@ async function drawPlanned(seen) {
   }));
   const most = Math.max(0, ...planned.speeds_m_s);
   by("speed-key").hidden = most <= 0;
-  by("speed-most").textContent = `${most.toFixed(2)} m/s`;
+  write(by("speed-most"), `${most.toFixed(2)} m/s`);
 }
 
 /** Every message counts, but only the latest is drawn: a page that draws slowly must not see ever older ones. */
@@ -250,8 +252,9 @@ function see(seen) {
   if (seen.values.length) plots.take(seen.time_s, seen.values);
   warning.see(seen.moves_again_in_s);
   seen.events.forEach(happened);
-  if (!isDrawing) requestAnimationFrame(draw);
+  if (isDrawing || !(view.hasMoved || performance.now() >= read_ms + READ_MS)) return;
   isDrawing = true;
+  requestAnimationFrame(draw);
 }
 
 function draw() {
@@ -278,6 +281,14 @@ function draw() {
   const here = pose("state"), metres = here?.slice(0, 2).map((place) => `${fixed(place, 1)} m`);
   const where = here ? `at x ${metres[0]}, y ${metres[1]}, heading ${fixed(degrees(here[2]), 0)}°` : "somewhere";
   by("view").setAttribute("aria-label", `Top view: the platform ${where}; ${seen.obstacles.length} obstacles`);
+  view.draw();
+  drawPlanned(seen).catch(() => {});
+  if (performance.now() >= read_ms + READ_MS) drawNumbers(seen);
+}
+
+/** What is read: nobody reads faster than it changes here. */
+function drawNumbers(seen) {
+  read_ms = performance.now();
   showPose(pose("state"));
   showDrives(seen);
   beside.show();
@@ -285,9 +296,7 @@ function draw() {
   const share = planned?.duration_s ? Math.min(1, seen.reference_time_s / planned.duration_s) : 0;
   showLeft(seen);
   by("progress").style.width = `${100 * (seen.reference_begun ? share : 0)}%`;
-  view.draw();
   plots.draw();
-  drawPlanned(seen).catch(() => {});
 }
 
 /** How long the path still takes, and what became of the way to a pose. */

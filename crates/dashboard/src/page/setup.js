@@ -1,5 +1,7 @@
 // The page on which a robot is set up: what is asked is answered here, and a drive turns only while the button is held.
 
+import { write } from "./write.js";
+
 /** How often a held button is told. */
 const BEAT_MS = 50;
 const AGAIN_MS = 500;
@@ -52,7 +54,7 @@ class Link {
   watch() {
     const isLost = !this.isOpen || this.silent_ms > UNHEARD_MS;
     at("link").classList.toggle("lost", isLost);
-    at("link").textContent = over !== null ? "it is over" : isLost ? `nothing was heard for ${(this.silent_ms / 1000).toFixed(1)} s: nothing moves` : "connected";
+    write(at("link"), over !== null ? "it is over" : isLost ? `nothing was heard for ${(this.silent_ms / 1000).toFixed(1)} s: nothing moves` : "connected");
     if (this.silent_ms > DEAD_MS && over === null && this.socket.readyState !== WebSocket.CLOSED) this.leave();
   }
 
@@ -123,9 +125,9 @@ class Button {
   see({ held, delay_ms }) {
     const isUnheard = this.pressed !== null && !held && performance.now() - this.pressed_ms > UNHEARD_MS;
     at("hold").classList.toggle("unheard", isUnheard);
-    at("held").textContent = isUnheard
+    write(at("held"), isUnheard
       ? `not heard in time${delay_ms === null ? "" : ` (${delay_ms} ms late)`}: nothing moves`
-      : this.pressed === null ? "it moves only while you hold this button, or the space bar" : "held; let go to stop";
+      : this.pressed === null ? "it moves only while you hold this button, or the space bar" : "held; let go to stop");
   }
 }
 
@@ -142,7 +144,7 @@ function tick(message) {
   link.stamp = message.stamp;
   button.see(message);
   Object.assign(at("moves").dataset, { enabled: message.enabled, travel: message.travel, late: message.late });
-  at("moves").textContent = message.enabled ? `the drive is enabled; ${message.travel.toLocaleString("en")} since it began` : "the drive is not enabled";
+  write(at("moves"), message.enabled ? `the drive is enabled; ${message.travel.toLocaleString("en")} since it began` : "the drive is not enabled");
 }
 
 function show(message) {

@@ -1,5 +1,7 @@
 // The sticks on the page and the browser's gamepads: the same kind of source.
 
+import { write } from "./write.js";
+
 const SEND_MS = 33;
 const DEAD_ZONE = 0.12;
 
@@ -121,9 +123,9 @@ export class Sticks {
   /** Left stick: move, right stick: turn; a shoulder button is the dead-man button. */
   readGamepad() {
     const gamepad = [...(navigator.getGamepads?.() ?? [])].find((gamepad) => gamepad?.connected);
-    this.gamepad.textContent = gamepad
+    write(this.gamepad, gamepad
       ? `${gamepad.id.slice(0, 40)}: hold a shoulder button to drive.`
-      : "A gamepad at this device drives too, while its shoulder button is held.";
+      : "A gamepad at this device drives too, while its shoulder button is held.");
     this.hasGamepad = Boolean(gamepad);
     if (!gamepad || ![4, 5, 6, 7].some((button) => gamepad.buttons[button]?.pressed)) return null;
     const axis = (number) => {

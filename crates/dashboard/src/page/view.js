@@ -33,6 +33,8 @@ export class View {
     this.footprint = [];
     this.pose = null;
     this.truth = null;
+    /** The pose that was drawn last. */
+    this.shown = null;
     this.fence = [];
     /** What the footprint keeps from the fence now, m. */
     this.kept = null;
@@ -105,6 +107,14 @@ export class View {
         this.centre = [lerp(this.centre[0], pose[0], 0.15), lerp(this.centre[1], pose[1], 0.15)];
       }
     }
+  }
+
+  /** Whether the platform has moved by a pixel since it was drawn. */
+  get hasMoved() {
+    if (!this.pose || !this.shown) return this.pose !== this.shown;
+    const [x, y, heading] = this.pose.map((value, n) => value - this.shown[n]);
+    const reach = Math.max(...this.footprint.map(([x, y]) => Math.hypot(x, y)), 0.1);
+    return (Math.hypot(x, y) + reach * Math.abs(heading)) * this.scale >= 1;
   }
 
   fit() {
@@ -222,6 +232,8 @@ export class View {
 
   draw() {
     const g = this.context;
+    this.shown = this.pose;
+    this.canvas.dataset.centre_m = this.centre.map((metres) => metres.toFixed(4)).join(" ");
     this.colours ??= Object.fromEntries(
       COLOURS.map((name) => [name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`)]),
     );

@@ -22,7 +22,9 @@ const UNUSED: &str =
 const TAMPER: &str = "(() => { const Real = WebSocket; window.tamper = (message) => message; \
     window.WebSocket = class extends Real { set onmessage(hear) { super.onmessage = hear && ((event) => { \
     const message = window.tamper(JSON.parse(event.data)); \
-    if (message) hear({ data: JSON.stringify(message) }); }); } }; })()";
+    if (message) hear({ data: JSON.stringify(message) }); }); } }; \
+    const frame = requestAnimationFrame; window.requestAnimationFrame = (draw) => frame((now_ms) => { \
+    draw(now_ms); window.drawn += window.changed > 0; }); })()";
 
 /// How many tests have browsers now.
 static TESTS: (Mutex<usize>, Condvar) = (Mutex::new(0), Condvar::new());
@@ -139,13 +141,13 @@ impl Browser {
         self.ask("Page.addScriptToEvaluateOnNewDocument", json!({"source": TAMPER}));
     }
 
-    /// What the robot says it sees, `seen`, is changed by these words of JavaScript on its way.
+    /// What the robot says it sees, `seen`, is changed by these words of JavaScript on its way; waits until it is drawn.
     pub fn change(&mut self, how: &str) {
         self.value(&format!(
-            "void (window.changed = 0, window.tamper = (seen) => {{ if (!('phase' in seen)) return seen; \
+            "void (window.changed = window.drawn = 0, window.tamper = (seen) => {{ if (!('phase' in seen)) return seen; \
              window.changed += 1; {how}; return seen; }})"
         ));
-        self.wait("window.changed > 1");
+        self.wait("window.drawn > 0");
     }
 
     /// From now on the page sees nothing any more of what the robot says it sees.

@@ -2,12 +2,14 @@
 
 mod axes;
 pub mod browser;
+mod drawing;
 mod inputs;
 mod line;
 mod objects;
 mod old;
 mod reach;
 mod robot;
+mod screen;
 mod seat;
 mod shapes;
 mod socket;
@@ -20,6 +22,7 @@ mod ways;
 use crate::joystick_recording::recording;
 use browser::{Browser, LONGEST};
 use robot::{Robot, TOKEN};
+use screen::Screen;
 use serde_json::{Value, json};
 use std::time::{Duration, Instant};
 
@@ -222,40 +225,29 @@ fn an_obstacle_that_is_dragged_into_the_way_bends_it() {
     page.open(&robot.url());
     opened(&mut page);
     press(&mut page, "[data-do=enable]", "document.getElementById('phase').textContent === 'holding'");
-    // Where a place of odom is on the screen, before the view is moved: its centre is the origin.
-    let footprint = robot.read("robot")["footprint"].clone();
-    let reach_m = footprint.as_array().unwrap().iter().fold(0.2, |reach: f64, corner| {
-        reach.max(corner[0].as_f64().unwrap().hypot(corner[1].as_f64().unwrap()))
-    });
-    let middle = page.middle("#view");
-    let size = page
-        .value("[document.getElementById('view').clientWidth, document.getElementById('view').clientHeight]");
-    let scale = size[0].as_f64().unwrap().min(size[1].as_f64().unwrap()) / (8.0 * reach_m);
-    let place = |x_m: f64, y_m: f64| [middle[0] + x_m * scale, middle[1] - y_m * scale];
+    let screen = Screen::of(&mut page, &robot);
     until(&mut page, "the obstacle is there", |page| {
         if page.value("document.getElementById('obstacle').ariaPressed") != json!("true") {
             page.click("#obstacle");
         }
-        for what in ["mousePressed", "mouseReleased"] {
-            page.mouse(what, place(1.0, 1.0));
-        }
+        screen.click(page, [1.0, 1.0]);
         page.is_true_within("document.getElementById('view').dataset.obstacles === '1'", HIT)
     });
     let y_m = |robot: &Robot| robot.read("now")["obstacles"][0]["y"].as_f64().unwrap();
     assert!(y_m(&robot) > 0.9, "{}", y_m(&robot));
     until(&mut page, "the obstacle was dragged", |page| {
-        page.mouse("mousePressed", place(1.0, y_m(&robot)));
-        page.mouse("mouseMoved", place(1.0, 0.6));
-        page.mouse("mouseMoved", place(1.0, 0.1));
-        page.mouse("mouseReleased", place(1.0, 0.1));
+        let [from, half, to] = [y_m(&robot), 0.6, 0.1].map(|y_m| screen.place(page, [1.0, y_m]));
+        page.mouse("mousePressed", from);
+        page.mouse("mouseMoved", half);
+        page.mouse("mouseMoved", to);
+        page.mouse("mouseReleased", to);
         robot.is_true_within(|robot| y_m(robot) < 0.2, HIT)
     });
     // Tapped, it can be changed; the page may see a moment later than the robot where it was dropped.
-    while page.value("document.getElementById('obstacle-bar').hidden") == json!(true) {
-        for what in ["mousePressed", "mouseReleased"] {
-            page.mouse(what, place(1.0, 0.1));
-        }
-    }
+    until(&mut page, "the obstacle is chosen", |page| {
+        screen.click(page, [1.0, 0.1]);
+        page.is_true_within("!document.getElementById('obstacle-bar').hidden", HIT)
+    });
     page.picture("obstacle");
     page.value(
         "(() => { const bar = document.getElementById('obstacle-bar'), { radius } = bar.elements; \
@@ -411,14 +403,14 @@ fn the_command_line_reads_sets_and_calls_a_running_robot() {
 #[test]
 fn a_joystick_that_was_stopped_or_lost_is_shown_and_enabled_by_a_page_or_the_command_line() {
     let folder = tempfile::tempdir().unwrap();
-    // Stopped by its own button, and gone at the end.
-    let stick = recording(folder.path(), &[(1000, STOP, 1), (1100, STOP, 0), (20_000, STOP, 0)]);
+    // Stopped by its own button, and there for longer than any machine takes.
+    let stick = recording(folder.path(), &[(1000, STOP, 1), (1100, STOP, 0), (1_000_000, STOP, 0)]);
     let page = browser(390, 844);
     let robot = Robot::start(&["--joystick", stick.to_str().unwrap()]);
-    let became = |state: &'static str| {
+    let became = |robot: &Robot, state: &'static str| {
         robot.wait(state, move |robot| robot.read("now")["joystick"] == state);
     };
-    became("blocked");
+    became(&robot, "blocked");
     let view = robot.command(&["top", "--once"]).1;
     assert!(view.contains("joystick: blocked; `omnibase call enable_joystick`"), "{view}");
     let who = if let Some(mut page) = page {
@@ -438,11 +430,14 @@ fn a_joystick_that_was_stopped_or_lost_is_shown_and_enabled_by_a_page_or_the_com
         assert_eq!(robot.command(&["call", "enable_joystick"]).0, Some(0));
         "command line"
     };
-    became("present");
+    became(&robot, "present");
     let events = robot.read("events").to_string();
     assert!(events.contains(&format!("enabled the joystick again ({who})")), "{events}");
+    robot.end();
     // What isn't there can't be enabled.
-    became("lost");
+    let gone = recording(folder.path(), &[(1000, STOP, 1), (1100, STOP, 0)]);
+    let robot = Robot::start(&["--joystick", gone.to_str().unwrap()]);
+    became(&robot, "lost");
     let (code, _, error) = robot.command(&["call", "enable_joystick"]);
     assert!(code == Some(1) && error.contains("the stick isn't there"), "{error}");
     let view = robot.command(&["top", "--once"]).1;

@@ -1,7 +1,28 @@
 //! The SubDevices' own objects, browsed on the page while the robot runs.
 
+use super::browser::Browser;
 use super::robot::Robot;
-use super::{browser, opened};
+use super::{HIT, browser, opened, until};
+
+/// Opens the list of objects, anew where it was open.
+const OPEN: &str = "void [false, true].map((open) => (document.getElementById('objects').open = open))";
+/// Chooses a SubDevice, anew where it was chosen.
+const CHOOSE: &str = "void document.querySelector('#objects select').dispatchEvent(new Event('change'))";
+
+fn object(index: &str) -> String {
+    format!("document.querySelector('[data-object=\"{index}\"]')")
+}
+
+/// Whether an object's entry says what this expression wants, once it is opened; not where it was refused.
+fn says(page: &mut Browser, index: &str, entry: usize, wanted: &str) -> bool {
+    let object = object(index);
+    page.is_true_within(&object, HIT)
+        && page.value(&format!("Boolean({object}.open = true)")) == true
+        && page.is_true_within(
+            &format!("{wanted}.test({object}.querySelectorAll('li')[{entry}]?.textContent)"),
+            HIT,
+        )
+}
 
 #[test]
 fn objects_are_browsed_with_names_types_and_values() {
@@ -9,21 +30,24 @@ fn objects_are_browsed_with_names_types_and_values() {
     let Some(mut page) = browser(1600, 1000) else { return };
     page.open(&robot.url());
     opened(&mut page);
-    page.value("void (document.getElementById('objects').open = true)");
-    page.wait("document.querySelectorAll('#objects option').length === 3");
-    let name = "document.querySelector('[data-object=\"1008\"]')";
-    page.wait(&format!("{name}?.textContent.length > 5"));
-    page.value(&format!("void ({name}.open = true)"));
-    page.wait(&format!("/^1008:00 r- .*string = \".+\"$/.test({name}.querySelector('li')?.textContent)"));
-    page.wait("document.querySelector('[data-object=\"1018\"]')");
-    page.value("void (document.querySelector('[data-object=\"1018\"]').open = true)");
-    page.wait("/^1018:01 r- .*u32 = \\d+$/.test(document.querySelectorAll('[data-object=\"1018\"] li')[1]?.textContent)");
-    // Where something is allowed in some states only, they stand there.
-    page.wait("document.querySelector('[data-object=\"1600\"]')");
-    page.value("void (document.querySelector('[data-object=\"1600\"]').open = true)");
-    page.wait("/^1600:01 rw .* u32 \\(written in PRE-OP only\\) = \\d+$/.test(document.querySelectorAll('[data-object=\"1600\"] li')[1]?.textContent)");
+    // What a busy machine asks too late is refused, as it shall be, and asked again.
+    until(&mut page, "three SubDevices are there", |page| {
+        page.value(OPEN);
+        page.is_true_within("document.querySelectorAll('#objects option').length === 3", HIT)
+    });
+    let name = object("1008");
+    until(&mut page, "its objects have names, types and values", |page| {
+        page.value(CHOOSE);
+        page.is_true_within(&format!("{name}?.textContent.length > 5"), HIT)
+            && says(page, "1008", 0, "/^1008:00 r- .*string = \".+\"$/")
+            && says(page, "1018", 1, "/^1018:01 r- .*u32 = \\d+$/")
+            // Where something is allowed in some states only, they stand there.
+            && says(page, "1600", 1, "/^1600:01 rw .* u32 \\(written in PRE-OP only\\) = \\d+$/")
+    });
     // Another SubDevice, and its own objects.
     page.value("void (document.querySelector('#objects select').selectedIndex = 2)");
-    page.value("void document.querySelector('#objects select').dispatchEvent(new Event('change'))");
-    page.wait(&format!("{name}?.textContent.length > 5 && !{name}.open"));
+    until(&mut page, "so has another one", |page| {
+        page.value(CHOOSE);
+        page.is_true_within(&format!("{name}?.textContent.length > 5 && !{name}.open"), HIT)
+    });
 }

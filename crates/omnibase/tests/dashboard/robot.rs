@@ -8,7 +8,8 @@ use std::time::{Duration, Instant};
 /// How the robot refuses what was asked too long ago, on its way or while it waited for the cycle.
 const TOO_OLD: [&str; 2] = ["s ago, and counts for", "whoever asked for it waits no more"];
 
-fn is_too_old(said: &str) -> bool {
+/// Whether it refused something for that.
+pub fn is_too_old(said: &str) -> bool {
     TOO_OLD.iter().any(|words| said.contains(words))
 }
 
@@ -70,13 +71,13 @@ impl Robot {
         self.value("state/twist_in_body_x_m_s").hypot(self.value("state/twist_in_body_y_m_s"))
     }
 
-    pub fn wait(&self, what: &str, holds: impl Fn(&Robot) -> bool) {
+    pub fn wait(&self, what: &str, holds: impl FnMut(&Robot) -> bool) {
         let came_true = self.is_true_within(holds, Duration::from_secs(60));
         assert!(came_true, "never came true: {what}: {}", self.read("now"));
     }
 
     /// Whether something becomes true in time.
-    pub fn is_true_within(&self, holds: impl Fn(&Robot) -> bool, within: Duration) -> bool {
+    pub fn is_true_within(&self, mut holds: impl FnMut(&Robot) -> bool, within: Duration) -> bool {
         let begin = Instant::now();
         while !holds(self) {
             if begin.elapsed() > within {

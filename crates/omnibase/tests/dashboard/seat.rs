@@ -10,7 +10,7 @@ use omnibase_client::{Error, Frame, Row, Seat, States, Wanted};
 use serde_json::json;
 
 use super::cycles_pass;
-use super::robot::{Robot, TOKEN};
+use super::robot::{Robot, TOKEN, is_too_old};
 
 const LONGEST: Duration = Duration::from_secs(60);
 /// A stick's age that a busy machine keeps.
@@ -132,13 +132,32 @@ fn what_cannot_be_followed_is_refused_in_words() {
     assert!(matches!(Seat::take(&wrong), Err(Error::Refused(_))));
 }
 
-/// Holds a twist until something is true of the robot.
-fn drive_until(seat: &mut Seat, robot: &Robot, is: impl Fn(&Robot) -> bool) {
+/// Holds a twist until the robot follows it. Who gets no time for longer than a stick may be silent loses it, as they shall: it is
+/// enabled, and held again.
+fn drive(seat: &mut Seat, robot: &Robot) {
     let begun = Instant::now();
-    while !is(robot) {
-        assert!(begun.elapsed() < LONGEST, "never: {} m/s", robot.speed_m_s());
-        seat.drive([0.3, 0.0, 0.0], Frame::Body, Instant::now()).unwrap();
+    while !(seat.drives() && robot.speed_m_s() > 0.2) {
+        assert!(begun.elapsed() < LONGEST, "never: {}", robot.read("now"));
+        let driven = seat.drive([0.3, 0.0, 0.0], Frame::Body, Instant::now());
+        if seat.is_blocked() || matches!(driven, Err(Error::Stopped(_))) {
+            enable_stick(seat);
+        } else {
+            driven.unwrap();
+        }
         while seat.hear(Duration::from_millis(5)).unwrap().is_some() {}
+    }
+}
+
+/// Enables the stick, again where a busy machine made that old on its way.
+fn enable_stick(seat: &mut Seat) {
+    let begun = Instant::now();
+    loop {
+        let number = seat.enable_stick().unwrap();
+        let answer = seat.answer(number, LONGEST).unwrap();
+        if answer.done {
+            return;
+        }
+        assert!(is_too_old(&answer.text) && begun.elapsed() < LONGEST, "{answer:?}");
     }
 }
 
@@ -158,7 +177,7 @@ fn a_program_drives_lets_go_and_drives_again_but_not_after_any_other_stop() {
     let robot = holding(folder.path());
     let mut seat = Seat::take(&found(&robot)).unwrap();
     for _ in 0..2 {
-        drive_until(&mut seat, &robot, |robot| robot.speed_m_s() > 0.2);
+        drive(&mut seat, &robot);
         seat.let_go().unwrap();
         hear_until(&mut seat, |_| rests(&robot));
     }
@@ -184,18 +203,16 @@ fn a_program_drives_lets_go_and_drives_again_but_not_after_any_other_stop() {
     cycles_pass(&robot, 50, |_| ());
     assert!(rests(&robot), "{} m/s", robot.speed_m_s());
     // Somebody else stops it: the program drives no more, whatever it says, once the robot is enabled again.
-    drive_until(&mut seat, &robot, |robot| robot.speed_m_s() > 0.2);
-    hear_until(&mut seat, Seat::drives);
+    drive(&mut seat, &robot);
     assert_eq!(robot.call(&json!({ "do": "stop", "category": "category_1" })).1["done"], true);
     hear_until(&mut seat, |seat| !seat.drives());
     assert!(matches!(seat.drive([0.3, 0.0, 0.0], Frame::Body, Instant::now()), Err(Error::Stopped(_))));
     robot.wait("it rests", |robot| rests(robot) && robot.read("now")["phase"] == "disabled");
     assert_eq!(robot.call(&json!({ "do": "enable" })).1["done"], true);
     assert!(matches!(seat.drive([0.3, 0.0, 0.0], Frame::Body, Instant::now()), Err(Error::Stopped(_))));
-    let number = seat.enable_stick().unwrap();
-    assert!(seat.answer(number, LONGEST).is_ok());
+    enable_stick(&mut seat);
     robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
-    drive_until(&mut seat, &robot, |robot| robot.speed_m_s() > 0.2);
+    drive(&mut seat, &robot);
     // It hangs: lost, and the stick is blocked.
     robot.wait("it rests", rests);
     hear_until(&mut seat, Seat::is_blocked);
@@ -233,6 +250,22 @@ impl Driver {
         Driver { process, says }
     }
 
+    /// Starts it anew until the robot follows it: who gets no time for longer than a stick may be silent ends, as it shall.
+    fn driving(robot: &Robot, twist: &'static str) -> Driver {
+        for _ in 0..20 {
+            let mut driver = Driver::start(robot, twist);
+            let mut drives = false;
+            robot.wait("it drives, or the program ends", |robot| {
+                drives = robot.speed_m_s() > 0.2;
+                drives || driver.process.try_wait().unwrap().is_some()
+            });
+            if drives {
+                return driver;
+            }
+        }
+        panic!("it never drives: {}", robot.read("now"));
+    }
+
     fn signal(&self, name: &str) {
         let pid = self.process.id().to_string();
         assert!(Command::new("kill").args([name, &pid]).status().unwrap().success());
@@ -250,8 +283,7 @@ impl Drop for Driver {
 fn a_program_that_is_suspended_or_killed_while_it_drives_stops_the_robot() {
     let folder = tempfile::tempdir().unwrap();
     let robot = holding(folder.path());
-    let mut driver = Driver::start(&robot, "0.3 0 0");
-    robot.wait("it drives", |robot| robot.speed_m_s() > 0.2);
+    let mut driver = Driver::driving(&robot, "0.3 0 0");
     driver.signal("-STOP");
     robot.wait("it rests", rests);
     // Back, with all that waited in its pipe: it moves nothing, and ends.
@@ -263,8 +295,7 @@ fn a_program_that_is_suspended_or_killed_while_it_drives_stops_the_robot() {
     assert_eq!(driver.process.wait().unwrap().code(), Some(1));
     cycles_pass(&robot, 200, |robot| assert!(rests(robot), "{}", robot.read("now")));
     // Another one drives, and is killed.
-    let driver = Driver::start(&robot, "0 0.3 0");
-    robot.wait("it drives", |robot| robot.speed_m_s() > 0.2);
+    let driver = Driver::driving(&robot, "0 0.3 0");
     drop(driver);
     robot.wait("it rests", |robot| rests(robot) && robot.read("now")["commander"] == "nobody");
     let said = robot.read("events").to_string();

@@ -4,39 +4,10 @@ use serde_json::{Value, json};
 
 use super::browser::Browser;
 use super::robot::Robot;
+use super::screen::Screen;
 use super::{HIT, browser, opened, until};
 
 const FENCE: &str = "fence.rectangle_m=[-1.2, -1.2, 1.6, 1.2]";
-
-/// From places of odom to the screen, before the view is moved: its centre is the origin, however the page is scrolled.
-struct Screen {
-    scale: f64,
-}
-
-impl Screen {
-    fn of(page: &mut Browser, robot: &Robot) -> Screen {
-        let footprint = robot.read("robot")["footprint"].clone();
-        let corners = footprint.as_array().unwrap().iter();
-        let reach_m = corners.fold(0.2, |reach: f64, corner| {
-            reach.max(corner[0].as_f64().unwrap().hypot(corner[1].as_f64().unwrap()))
-        });
-        let size =
-            "(({ clientWidth: w, clientHeight: h }) => Math.min(w, h))(document.getElementById('view'))";
-        let side = page.value(size).as_f64().unwrap();
-        Screen { scale: side / (8.0 * reach_m) }
-    }
-
-    fn place(&self, page: &mut Browser, [x_m, y_m]: [f64; 2]) -> [f64; 2] {
-        let middle = page.middle("#view");
-        [middle[0] + x_m * self.scale, middle[1] - y_m * self.scale]
-    }
-
-    fn click(&self, page: &mut Browser, at_m: [f64; 2]) {
-        let at = self.place(page, at_m);
-        page.mouse("mousePressed", at);
-        page.mouse("mouseReleased", at);
-    }
-}
 
 /// Writes a number into a field of the bar, as by the keyboard.
 fn write(page: &mut Browser, field: &str, value: f64) {
@@ -61,7 +32,7 @@ fn a_fence_is_changed_by_mouse_and_keyboard_and_none_is_taken_that_leaves_the_ro
     page.wait("!document.getElementById('shape-bar').hidden && document.getElementById('shape-bar').elements.corner.length === 4");
     // By the mouse: a corner is dragged, and a click on a side's middle makes another one. A page that hears its robot late says so
     // above the view, which moves by that: then it is dragged on from where it lies.
-    // Words may also lie over the view for a moment: then nothing was dragged.
+    // Words may also lie over the view for a moment: then nothing was dragged, or the view was.
     let (mut corner, goal) = ([1.6, 1.2], [1.4, 1.1]);
     until(&mut page, "the corner is dragged", |page| {
         let [from, to] = [corner, goal].map(|at| screen.place(page, at));

@@ -1,7 +1,20 @@
 //! Paths that are taught in the page, and repeated.
 
+use super::browser::Browser;
 use super::robot::Robot;
-use super::{DONE, Stick, browser, cycles_pass, drive, opened, press};
+use super::{DONE, Stick, browser, cycles_pass, drive, opened, press, until};
+
+/// Whether a motion that is asked for ends at this x: one whose page got no time for a while is stopped, as it shall be.
+fn goes(page: &mut Browser, robot: &Robot, how: &str, [x_m, within_m]: [f64; 2]) -> bool {
+    press(page, how, DONE);
+    cycles_pass(robot, 100, |_| ());
+    robot.wait("it rests", |robot| robot.read("now")["phase"] == "holding");
+    (robot.value("state/pose_x_m") - x_m).abs() < within_m
+}
+
+fn go_back(page: &mut Browser, robot: &Robot) {
+    until(page, "it is back", |page| goes(page, robot, "[data-do=go_to_start]", [0.0, 0.01]));
+}
 
 #[test]
 fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
@@ -37,13 +50,13 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
         "[data-do=track]",
         "document.getElementById('said').textContent.includes('too far from the path')",
     );
-    press(&mut page, "[data-do=go_to_start]", DONE);
-    robot.wait("it is back", |robot| {
-        robot.read("now")["phase"] == "holding" && robot.value("state/pose_x_m").abs() < 0.01
-    });
-    press(&mut page, "[data-do=track]", DONE);
-    robot.wait("it repeats", |robot| {
-        robot.read("now")["phase"] == "holding" && (robot.value("state/pose_x_m") - end_m).abs() < 0.002
+    go_back(&mut page, &robot);
+    until(&mut page, "it repeats", |page| {
+        let repeats = goes(page, &robot, "[data-do=track]", [end_m, 0.002]);
+        if !repeats {
+            go_back(page, &robot);
+        }
+        repeats
     });
     page.picture("phone-repeated");
     assert!(
@@ -58,10 +71,7 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
         "document.getElementById('teach').textContent === 'End and save (1 point)'",
     );
     page.picture("phone-points");
-    press(&mut page, "[data-do=go_to_start]", DONE);
-    robot.wait("it is back", |robot| {
-        robot.read("now")["phase"] == "holding" && robot.value("state/pose_x_m").abs() < 0.01
-    });
+    go_back(&mut page, &robot);
     press(
         &mut page,
         "#teach-point",

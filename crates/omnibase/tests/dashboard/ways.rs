@@ -7,15 +7,17 @@ use super::robot::Robot;
 /// A wall from below to y = 0.4 m; the footprint stands at the origin, left of it.
 const WALL: &str = "map.blocked_m=[[[1.3,-4.0],[1.5,-4.0],[1.5,0.4],[1.3,0.4]]]";
 
-/// What is said where a busy machine gave the search too little of its time.
-const NO_TIME: &str = "in the time that was given for it";
+/// What is said where a busy machine gave the search too little of its time, and while it still has to do with the one before.
+const NO_TIME: [&str; 2] = ["in the time that was given for it", "ask again when they are done"];
 
 fn drive(robot: &Robot, pose: [f64; 3]) {
     robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
-    let ask = || robot.call(&json!({ "do": "drive_to", "pose": pose })).1;
     // Who waits for a way on a busy machine is told after some seconds that there was no time for it, and asks again.
-    let is_told = |said: &Value| !said["text"].as_str().unwrap().contains(NO_TIME);
-    let said = (0..20).map(|_| ask()).find(is_told).expect("a way is found in one of twenty times");
+    let mut said = Value::Null;
+    robot.wait("there is time for a way", |robot| {
+        said = robot.call(&json!({ "do": "drive_to", "pose": pose })).1;
+        !NO_TIME.iter().any(|words| said["text"].as_str().unwrap().contains(words))
+    });
     assert_eq!(said["done"], true, "{said}");
     assert!(said["text"].as_str().unwrap().starts_with("on the way: "), "{said}");
 }
@@ -50,30 +52,39 @@ fn a_robot_drives_around_walls_and_around_what_comes_and_says_why_it_gives_up() 
     let lowest = over.map(|pose| pose[1].as_f64().unwrap()).fold(f64::INFINITY, f64::min);
     assert!((0.6..1.5).contains(&lowest), "it passed the wall at y {lowest} m");
 
-    // Back; something comes onto the way above the wall. Again where a busy machine had no time to plan.
+    // Back; something comes onto the way above the wall. Again where a busy machine had no time to plan, or put it there too late.
+    let again = |from: [f64; 3]| {
+        assert_eq!(robot.call(&json!({ "do": "remove_obstacle", "index": 0 })).1["done"], true);
+        drive(&robot, from);
+        assert_eq!(ended(&robot)["text"], "there");
+    };
     let has_planned = (0..20).any(|_| {
         drive(&robot, [0.0, 0.0, 0.0]);
         robot.wait("it moves", |robot| robot.value("state/pose_x_m") < 2.75);
         put(&robot, [1.4, 1.0], 0.2);
-        let text = || way(&robot)["text"].as_str().unwrap().to_owned();
-        robot.wait("it is planned again, or given up", |_| {
-            text().contains("planned again 1 times") || text().contains(NO_TIME)
-        });
-        if !text().contains(NO_TIME) {
-            return true;
+        let has_planned = || way(&robot)["text"].as_str().unwrap().contains("planned again 1 times");
+        robot.wait("it is planned again, or over", |_| has_planned() || way(&robot)["under_way"] == false);
+        let has_planned = has_planned();
+        if !has_planned {
+            again([2.8, 0.0, 0.0]);
         }
-        assert_eq!(robot.call(&json!({ "do": "remove_obstacle", "index": 0 })).1["done"], true);
-        drive(&robot, [2.8, 0.0, 0.0]);
-        assert_eq!(ended(&robot)["text"], "there");
-        false
+        has_planned
     });
     assert!(has_planned, "{}", way(&robot));
     assert_eq!(ended(&robot)["text"], "there");
 
-    // Something comes to where it shall stand.
-    drive(&robot, [0.0, 2.5, 0.0]);
-    put(&robot, [0.0, 2.5], 0.2);
-    let way = ended(&robot);
+    // Something comes to where it shall stand; again where it stood there before.
+    let way = (0..20).find_map(|_| {
+        drive(&robot, [0.0, 2.5, 0.0]);
+        put(&robot, [0.0, 2.5], 0.2);
+        let way = ended(&robot);
+        let is_late = way["text"] == "there";
+        if is_late {
+            again([0.0, 0.0, 0.0]);
+        }
+        (!is_late).then_some(way)
+    });
+    let way = way.expect("it comes before the robot once in twenty times");
     let text = way["text"].as_str().unwrap();
     assert!(
         text.starts_with("drive_to was given up: goal (0.000, 2.500, 0.000)") && way["failed"] == true,

@@ -3,14 +3,20 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A Python with packages, in an environment of this name that is made once; `Err` says why there is none.
+/// A Python with packages: that of `.ci/python` where it has them, else one in an environment of this name that is made once;
+/// `Err` says why there is none.
 pub fn python(name: &str, packages: &[&str], imports: &str) -> Result<PathBuf, String> {
-    let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join(name);
-    let python = folder.join("bin/python");
-    let has_packages =
-        || Command::new(&python).args(["-c", imports]).output().is_ok_and(|output| output.status.success());
-    if !has_packages() {
-        successful(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&folder))?;
+    let target = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    let (shared, own) = (target.with_file_name("python"), target.join(name));
+    let [shared, python] = [&shared, &own].map(|folder| folder.join("bin/python"));
+    let has_packages = |python: &Path| {
+        Command::new(python).args(["-c", imports]).output().is_ok_and(|output| output.status.success())
+    };
+    if has_packages(&shared) {
+        return Ok(shared);
+    }
+    if !has_packages(&python) {
+        successful(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&own))?;
         successful(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(packages))?;
     }
     Ok(python)
