@@ -49,8 +49,8 @@ impl Treads {
     /// For a table; the laws of speed count with none.
     pub fn text(self, law: &str) -> &'static str {
         match (law, self) {
-            ("adaptive_torque", Treads::Unknown) => "unknown",
-            ("adaptive_torque", Treads::Stiff) => "stiff",
+            ("adaptive_torque" | "disturbance_observer", Treads::Unknown) => "unknown",
+            ("adaptive_torque" | "disturbance_observer", Treads::Stiff) => "stiff",
             _ => "-",
         }
     }
@@ -71,6 +71,9 @@ pub fn cases() -> Vec<Case> {
                 ("adaptive_torque", 1.5, Treads::Unknown, Creep::Ignored),
                 ("adaptive_torque", 0.5, Treads::Stiff, Creep::Ignored),
                 ("adaptive_torque", 1.5, Treads::Stiff, Creep::Ignored),
+                ("disturbance_observer", 0.5, Treads::Unknown, Creep::Ignored),
+                ("disturbance_observer", 1.5, Treads::Unknown, Creep::Ignored),
+                ("disturbance_observer", 0.5, Treads::Stiff, Creep::Ignored),
                 ("closed_loop_speed", 1.0, Treads::Unknown, Creep::MadeUpFor),
                 ("adaptive_torque", 0.5, Treads::Stiff, Creep::MadeUpFor),
                 ("adaptive_torque", 1.5, Treads::Stiff, Creep::MadeUpFor),
@@ -116,7 +119,7 @@ impl Case {
         let [believed, truly] = [summary.rms_error_m.believed, summary.rms_error_m.truth].map(millimetres);
         let end = millimetres(summary.final_error_m.truth);
         let mass = match self.law {
-            "adaptive_torque" => {
+            "adaptive_torque" | "disturbance_observer" => {
                 format!("{:.0} % | {:.0} kg", 100.0 * self.estimate, ran.last.estimates()[0])
             }
             _ => "- | -".to_owned(),
