@@ -7,7 +7,6 @@ mod approaches;
 mod braking;
 mod builds;
 mod calibration;
-mod disturbance;
 mod events;
 mod fence;
 mod grip;
