@@ -83,8 +83,10 @@ fn an_observer_is_designed_given_or_refused() {
     let [x, ..] = designed("").gains;
     let [adaptive, ..] = super::torque_gains::designed("").gains;
     assert!(x.observer_1_s > 0.0 && x.stiffness() > 1.3 * adaptive.stiffness(), "{x:?} {adaptive:?}");
-    let [given, ..] = designed("observer_1_s = 0.5").gains;
-    assert_eq!(given, LoopGains { observer_1_s: 0.5, ..x });
+    let softly = "damping_n_s_m = 400\nturn_damping_n_m_s_rad = 60\ntorque_kp_1_s = [1.0, 1.0, 1.0]\ntorque_filter_1_s = 30";
+    let [given, ..] = designed(&format!("{softly}\nobserver_1_s = 0.5")).gains;
+    let told = LoopGains { damping: 400.0, kp_1_s: 1.0, filter_1_s: 30.0, observer_1_s: 0.5 };
+    assert_eq!(given, told);
     let problems = problems(&with("observer_1_s = 50"));
     let (problem, ..) = found(&problems, "controller.observer_1_s");
     assert!(problem.reason.contains("an observer of 50 1/s"), "{}", show(&problems));
