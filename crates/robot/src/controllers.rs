@@ -1,8 +1,10 @@
 //! Control laws.
 
 mod adaptive_torque;
+mod disturbance_observer;
 mod speed;
 mod torque_design;
+mod torque_law;
 mod torque_loop;
 
 use omnibase_platform::{PerWheel, Wrench2};
@@ -12,8 +14,9 @@ use crate::registry::{Kind, Registry, optional};
 use crate::signals::{Commands, Quantity};
 
 pub use adaptive_torque::AdaptiveTorque;
+pub use disturbance_observer::DisturbanceObserver;
 pub use speed::{ClosedLoopSpeed, OpenLoop, WheelSpeeds};
-pub use torque_design::TorqueDesign;
+pub use torque_design::{SlowForce, TorqueDesign};
 pub use torque_loop::{LoopGains, Margins, Plant, TorqueLoop};
 
 /// From the instant that was measured to the middle of the time for which the command stands, in periods: one until
@@ -40,6 +43,7 @@ pub fn register(registry: &mut Registry) {
         ClosedLoopSpeed::new,
     );
     controllers.add(adaptive_torque::kind(), AdaptiveTorque::new);
+    controllers.add(disturbance_observer::kind(), DisturbanceObserver::new);
 }
 
 /// Commands whose wheels all keep one limit, scaled as a whole so that the direction of motion is kept.

@@ -333,6 +333,9 @@ impl Robot {
                 controller.limit_wheels(&self.settings.wheel_limits());
                 let is_heard = matches!(record.exchange, Exchange::Complete);
                 controller.knows(&record.grip.dynamics);
+                if is_heard {
+                    controller.feels(&record.measurements);
+                }
                 let is_capped = record.traction.is_capped();
                 let is_held_back = record.measurements.is_held_back() || is_capped;
                 if is_held_back || record.grip.slips() || !is_heard {

@@ -295,6 +295,11 @@ pub trait Controller: Send {
     /// wasn't heard: how the platform moves says nothing of the machine then. Told before the update of each such cycle.
     fn limited_by_drives(&mut self) {}
 
+    /// What the drives measured, in a cycle in which all were heard; before its update.
+    fn feels(&mut self, measurements: &Measurements) {
+        let _ = measurements;
+    }
+
     /// What comes in beside the drives, and what it tells other SubDevices; before each update. An output that isn't set
     /// in a cycle goes back to what a call set, or to its value at a stop.
     fn signals(&mut self, inputs: &Inputs<'_>, outputs: &mut Outputs<'_>) {

@@ -8,10 +8,12 @@ use omnibase_robot_sim::Tread;
 use omnibase_trials::framed::Treads;
 use omnibase_trials::grip::{Case, HEADING, SIDE_S};
 
-const LAWS: [(&str, Treads); 3] = [
+const LAWS: [(&str, Treads); 5] = [
     ("closed_loop_speed", Treads::Unknown),
     ("adaptive_torque", Treads::Unknown),
     ("adaptive_torque", Treads::Stiff),
+    ("disturbance_observer", Treads::Unknown),
+    ("disturbance_observer", Treads::Stiff),
 ];
 
 fn main() {

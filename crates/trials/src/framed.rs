@@ -49,8 +49,8 @@ impl Treads {
     /// For a table; the laws of speed count with none.
     pub fn text(self, law: &str) -> &'static str {
         match (law, self) {
-            ("adaptive_torque", Treads::Unknown) => "unknown",
-            ("adaptive_torque", Treads::Stiff) => "stiff",
+            ("adaptive_torque" | "disturbance_observer", Treads::Unknown) => "unknown",
+            ("adaptive_torque" | "disturbance_observer", Treads::Stiff) => "stiff",
             _ => "-",
         }
     }
@@ -116,7 +116,7 @@ impl Case {
         let [believed, truly] = [summary.rms_error_m.believed, summary.rms_error_m.truth].map(millimetres);
         let end = millimetres(summary.final_error_m.truth);
         let mass = match self.law {
-            "adaptive_torque" => {
+            "adaptive_torque" | "disturbance_observer" => {
                 format!("{:.0} % | {:.0} kg", 100.0 * self.estimate, ran.last.estimates()[0])
             }
             _ => "- | -".to_owned(),

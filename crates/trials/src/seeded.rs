@@ -4,7 +4,7 @@
 //! and the drives' lag, wheels by the file's tolerances, motors that give less than they promise, and two short ways.
 
 use omnibase_platform::GeometrySigmas;
-use omnibase_robot::controllers::{Margins, Plant, TorqueDesign};
+use omnibase_robot::controllers::{Margins, Plant, SlowForce, TorqueDesign};
 use omnibase_robot::estimators::covariance_settings;
 use omnibase_robot::signals::{MAX_WHEELS, SafetyReason};
 use omnibase_robot_sim::{MachineParameters, Tread};
@@ -318,7 +318,7 @@ impl Seeded {
             self.build(machine, &geometry);
             // Designing takes as long as driving: a tenth of the robots will do.
             if self.seed.is_multiple_of(10) {
-                margins = self.margins(&TorqueDesign::new(&plan).ok(), machine);
+                margins = self.margins(&TorqueDesign::new(&plan, SlowForce::Integral).ok(), machine);
             }
         });
         trial.enable();

@@ -5,7 +5,7 @@ mod plot;
 use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource};
 use anyhow::{Context, bail};
-use omnibase_robot::controllers::{LoopGains, Margins, Plant, TorqueDesign, TorqueLoop};
+use omnibase_robot::controllers::{LoopGains, Margins, Plant, SlowForce, TorqueDesign, TorqueLoop};
 use omnibase_robot::{Registry, RobotPlan};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -17,14 +17,15 @@ const STIFFEST_N_M: f64 = 4e6;
 /// Damping ratios beside the least.
 const DAMPING_RATIOS: [f64; 3] = [0.3, 0.6, 1.0];
 
-/// Shows the gains of `adaptive_torque` with their margins on every tread, and what a declared tread buys.
+/// Shows the gains of a law of torque with their margins on every tread, and what a declared tread buys.
 ///
-/// The file's [controller] must give mass_kg and inertia_kg_m2; its kind may be another.
+/// The law is the file's where that is `disturbance_observer`, else `adaptive_torque`. [controller] must give mass_kg and inertia_kg_m2.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   omnibase margins robots/bmm.toml
   omnibase margins robots/bmm.toml --set controller.tread_stiffness_n_m=[1e6,4e6] --plot margins.svg
   omnibase margins robots/mecanum.toml --set controller.mass_kg=60 --set controller.inertia_kg_m2=4 --json
+  omnibase margins robots/bmm.toml --set controller.kind=disturbance_observer
 
 Exit code 1 where the margins don't suffice: 6 dB and 30°.")]
 pub struct Arguments {
@@ -84,6 +85,7 @@ impl<'a> Axis<'a> {
                 format!("damping_{damping_unit}"): gains.damping,
                 "kp_1_s": gains.kp_1_s,
                 "torque_filter_1_s": gains.filter_1_s,
+                "observer_1_s": gains.observer_1_s,
                 error_unit: per_force(gains),
             })
         };
@@ -118,12 +120,14 @@ impl<'a> Axis<'a> {
         } else {
             ("kg", "N·s/m", "mm per N")
         };
-        let LoopGains { damping: k, kp_1_s, filter_1_s } = self.gains;
+        let LoopGains { damping: k, kp_1_s, filter_1_s, observer_1_s } = self.gains;
+        let observer =
+            if observer_1_s > 0.0 { format!(", observer {observer_1_s} 1/s") } else { String::new() };
         let [light, heavy] = self.one.body;
         writeln!(output, "\n{}", self.name)?;
         writeln!(
             output,
-            "  gains             K = {k:.0} {damping}, Kp = {kp_1_s} 1/s, low-pass {filter_1_s} 1/s"
+            "  gains             K = {k:.0} {damping}, Kp = {kp_1_s} 1/s, low-pass {filter_1_s} 1/s{observer}"
         )?;
         writeln!(output, "  body              {light:.3} to {heavy:.3} {body} ({body_is})")?;
         writeln!(output, "  against a force   {:.4} {error}", per_force(&self.gains))?;
@@ -149,15 +153,20 @@ impl<'a> Axis<'a> {
             output,
             "  what a declared tread buys (up to {STIFFEST_N_M:.0e} N/m), stiffness against error:"
         )?;
-        let [ratio, k, kp, filter] = ["damping", "K", "Kp 1/s", "low-pass"];
-        writeln!(output, "  {:>10}  {ratio:>8}  {k:>8}  {kp:>8}  {filter:>8}  {error:>12}", "N/m")?;
+        let [ratio, k, kp, filter, rate] = ["damping", "K", "Kp 1/s", "low-pass", "observer"];
+        writeln!(
+            output,
+            "  {:>10}  {ratio:>8}  {k:>8}  {kp:>8}  {filter:>8}  {rate:>8}  {error:>12}",
+            "N/m"
+        )?;
         for (soft, ratio, found) in &self.declared {
             write!(output, "  {soft:>10.0e}  {ratio:>8}")?;
             match found {
                 Some(gains) => {
-                    let LoopGains { damping, kp_1_s, filter_1_s } = gains;
+                    let LoopGains { damping, kp_1_s, filter_1_s, observer_1_s } = gains;
                     let error = per_force(gains);
-                    writeln!(output, "  {damping:>8.0}  {kp_1_s:>8}  {filter_1_s:>8}  {error:>12.4}")?;
+                    let rates = format!("{kp_1_s:>8}  {filter_1_s:>8}  {observer_1_s:>8}");
+                    writeln!(output, "  {damping:>8.0}  {rates}  {error:>12.4}")?;
                 }
                 None => writeln!(output, "  no gains leave the margins")?,
             }
@@ -182,7 +191,12 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
             missing.join(" and no ")
         );
     }
-    let design = TorqueDesign::new(&plan).with_context(|| format!("{file}: [controller]"))?;
+    let observes = plan.controllers().next() == Some("disturbance_observer");
+    let (law, slow) = match observes {
+        true => ("disturbance_observer", SlowForce::Observer),
+        false => ("adaptive_torque", SlowForce::Integral),
+    };
+    let design = TorqueDesign::new(&plan, slow).with_context(|| format!("{file}: [controller]"))?;
     let [along, across, turn] = &design.loops;
     let [along_gains, across_gains, turn_gains] = design.gains;
     let axes = [
@@ -201,10 +215,10 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
             .into_iter()
             .map(|known| (known.key.to_owned(), json!({ "value": known.value, "from_file": known.is_given })))
             .collect();
-        let all = json!({ "robot": plan.name, "known": assumptions, "axes": told, "suffices": suffices });
+        let all = json!({ "robot": plan.name, "law": law, "known": assumptions, "axes": told, "suffices": suffices });
         writeln!(output, "{}", serde_json::to_string_pretty(&all)?)?;
     } else {
-        writeln!(output, "{file}: gains of adaptive_torque with their margins")?;
+        writeln!(output, "{file}: gains of {law} with their margins")?;
         for Known { name, words, is_given, .. } in known(&plan, along) {
             writeln!(output, "  {name:<17} {words} ({})", origin(is_given))?;
         }
@@ -285,7 +299,7 @@ fn origin(is_given: bool) -> &'static str {
 
 /// By how much a force moves what is held, mm per N (mrad per N·m), before the slow force takes it.
 fn per_force(gains: &LoopGains) -> f64 {
-    1000.0 / (gains.damping * gains.kp_1_s)
+    1000.0 / gains.stiffness()
 }
 
 fn worst_of_bodies(one: &TorqueLoop, gains: &LoopGains, stiffness_n_m: f64, damping_ratio: f64) -> Margins {

@@ -304,6 +304,9 @@ pub struct ControllerTable {
     /// Low-pass on what the law of torque makes its force of, 1/s; default: designed.
     #[schemars(range(min = 1.0, max = 1e5))]
     pub torque_filter_1_s: Option<f64>,
+    /// How fast a disturbance observer follows, 1/s; default: designed.
+    #[schemars(range(min = 0.1, max = 100.0))]
+    pub observer_1_s: Option<f64>,
     /// Least and greatest stiffness of one wheel's tread along the floor, N/m: the gains are designed for all between;
     /// default: 1e5 to 4e6.
     #[schemars(inner(range(min = 1e4, max = 1e8)))]

@@ -14,6 +14,15 @@ const TORQUE_LAG_S: f64 = 0.5e-3;
 /// How fast the law's slow force follows what its error asks for, 1/s.
 pub(super) const INTEGRAL_1_S: f64 = 0.5;
 
+/// By what a law of torque finds the force that no model tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum SlowForce {
+    /// It adds up what its error asks for: `adaptive_torque`.
+    Integral,
+    /// It compares torques with what they did: `disturbance_observer`.
+    Observer,
+}
+
 /// A robot's loops of torque along x, y and about the vertical, and what closes them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TorqueDesign {
@@ -27,11 +36,11 @@ pub struct TorqueDesign {
 }
 
 impl TorqueDesign {
-    /// The design for a robot.
+    /// The design for a robot and a law.
     ///
     /// # Errors
     /// Where its keys contradict each other, gains that are given leave no margins, or no gains would.
-    pub fn new(plan: &RobotPlan) -> Made<Self> {
+    pub fn new(plan: &RobotPlan, slow: SlowForce) -> Made<Self> {
         let table = &plan.controller;
         let mass_kg = bounds("mass_kg", table.mass_kg, table.mass_bounds_kg)?;
         let inertia_kg_m2 = bounds("inertia_kg_m2", table.inertia_kg_m2, table.inertia_bounds_kg_m2)?;
@@ -50,7 +59,7 @@ impl TorqueDesign {
         // Of the matrix [[Σbx², Σbx·by], [Σbx·by, Σby²]] the eigenvalues: no direction has less or more.
         let mean = 0.5 * (product(0, 0) + product(1, 1));
         let apart = (0.5 * (product(0, 0) - product(1, 1))).hypot(product(0, 1));
-        let axis = |shares: [f64; 2], body: [f64; 2]| TorqueLoop {
+        let axis = |shares: [f64; 2], body: [f64; 2], first: f64| TorqueLoop {
             period_s: plan.bus.cycle_ns as f64 * 1e-9,
             lag_s: table.torque_lag_us.map_or(TORQUE_LAG_S, |lag_us| lag_us * 1e-6),
             speed_filter_1_s: plan.estimator.speed_filter_1_s.unwrap_or(SPEED_FILTER_RAD_S),
@@ -59,17 +68,19 @@ impl TorqueDesign {
             body,
             stiffness_n_m,
             damping_ratio: table.tread_damping_ratio.unwrap_or(TREAD_DAMPING_RATIO),
-            integral_1_s: INTEGRAL_1_S,
+            integral_1_s: if slow == SlowForce::Integral { INTEGRAL_1_S } else { 0.0 },
+            observed_body: if slow == SlowForce::Observer { first } else { 0.0 },
         };
-        let along = axis([mean - apart, mean + apart], mass_kg);
-        let turn = axis([product(2, 2); 2], inertia_kg_m2);
+        let along = axis([mean - apart, mean + apart], mass_kg, given(table.mass_kg, "mass_kg")?);
+        let first = given(table.inertia_kg_m2, "inertia_kg_m2")?;
+        let turn = axis([product(2, 2); 2], inertia_kg_m2, first);
         let (along_gains, turn_gains) = (along.design(), turn.design());
         let is_told = table.tread_stiffness_n_m.is_some() || table.tread_damping_ratio.is_some();
         let softer = is_told.then(|| softer(&along).zip(softer(&turn))).flatten();
         let softer = softer.map(|(along, turn)| [along, along, turn]);
         let loops = [along.clone(), along, turn];
         let designed = [along_gains, along_gains, turn_gains];
-        let mut gains = [LoopGains { damping: 0.0, kp_1_s: 0.0, filter_1_s: 0.0 }; 3];
+        let mut gains = [LoopGains { damping: 0.0, kp_1_s: 0.0, filter_1_s: 0.0, observer_1_s: 0.0 }; 3];
         let mut problems = Vec::new();
         // x and y differ in nothing but a Kp that the file gives.
         let is_one = table.torque_kp_1_s.is_none_or(|[x, y, _]| x == y);
@@ -127,10 +138,12 @@ fn chosen(
     let damping = if axis == 2 { table.turn_damping_n_m_s_rad } else { table.damping_n_s_m };
     let kp_1_s = table.torque_kp_1_s.map(|kp_1_s| kp_1_s[axis]);
     let filter_1_s = table.torque_filter_1_s;
+    let observer_1_s = table.observer_1_s.filter(|_| one.observed_body > 0.0);
     let given = [
         damping.map(|_| damping_key),
         kp_1_s.map(|_| "torque_kp_1_s"),
         filter_1_s.map(|_| "torque_filter_1_s"),
+        observer_1_s.map(|_| "observer_1_s"),
     ];
     let Some(key) = given.into_iter().flatten().next() else {
         return designed.ok_or_else(|| {
@@ -154,15 +167,23 @@ fn chosen(
         damping: part(damping, designed.map(|gains| gains.damping))?,
         kp_1_s: part(kp_1_s, designed.map(|gains| gains.kp_1_s))?,
         filter_1_s: part(filter_1_s, designed.map(|gains| gains.filter_1_s))?,
+        observer_1_s: part(observer_1_s, designed.map(|gains| gains.observer_1_s))?,
     };
     let worst = one.worst(&gains);
-    let LoopGains { damping, kp_1_s, filter_1_s } = gains;
-    let found =
-        format!("K = {damping:.1}, Kp = {kp_1_s} 1/s and a low-pass of {filter_1_s} 1/s along {name}");
-    if damping < one.body[1] * kp_1_s {
+    let LoopGains { damping, kp_1_s, filter_1_s, observer_1_s } = gains;
+    let observed = |rate_1_s: f64| match one.observed_body > 0.0 {
+        true => format!(", an observer of {rate_1_s} 1/s"),
+        false => String::new(),
+    };
+    let found = format!(
+        "K = {damping:.1}, Kp = {kp_1_s} 1/s{} and a low-pass of {filter_1_s} 1/s along {name}",
+        observed(observer_1_s)
+    );
+    if damping < one.least(kp_1_s) {
         let reason = format!(
-            "{found}: K must be at least the greatest mass (or moment of inertia) times Kp, {:.1}",
-            one.body[1] * kp_1_s
+            "{found}: K must be at least the {} mass (or moment of inertia) times Kp, {:.1}",
+            if one.observed_body > 0.0 { "least" } else { "greatest" },
+            one.least(kp_1_s)
         );
         return Err(Problem::refused(key, reason).into());
     }
@@ -174,10 +195,11 @@ fn chosen(
             "don't hold".to_owned()
         };
         let [soft, stiff] = one.stiffness_n_m;
-        let designed = designed.map_or(String::new(), |LoopGains { damping, kp_1_s, filter_1_s }| {
+        let designed = designed.map_or(String::new(), |gains| {
             // No more than was looked at.
-            let damping = (10.0 * damping).floor() / 10.0;
-            format!("; K = {damping}, Kp = {kp_1_s} 1/s and {filter_1_s} 1/s do")
+            let damping = (10.0 * gains.damping).floor() / 10.0;
+            let LoopGains { kp_1_s, filter_1_s, observer_1_s, .. } = gains;
+            format!("; K = {damping}, Kp = {kp_1_s} 1/s{} and {filter_1_s} 1/s do", observed(observer_1_s))
         });
         let reason = format!(
             "{found} {leaves} on treads from {soft:.1e} to {stiff:.1e} N/m with a damping of at least {}; a \

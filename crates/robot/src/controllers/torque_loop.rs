@@ -5,6 +5,9 @@
 //! with the drive's lag τ; the law's force is K·low-pass(speed + Kp·way) and `integral_1_s` times its integral. With the wheels' rows b, one axis has w = Σb²·j/R² and
 //! k = Σb²·(one tread's); about the vertical axis the same holds in kg·m² and N·m·s/rad.
 //!
+//! A disturbance observer takes off Q·(M·acceleration − torque), Q = 1/(s/g + 1), from speed and torque behind one filter, a period
+//! later: the law is (K·low-pass(speed + Kp·way) + Q·M·acceleration)/(1 − Q·filter·path), and path what leads from command to torque.
+//!
 //! Margins are counted by the peak of the sensitivity |1/(1 + L)|: at most 1.93 leaves 6.3 dB of gain and 30° of phase at
 //! once (K. J. Åström and R. M. Murray, *Feedback Systems*, 2008, section 9.3). The loop is stable where 1 + L turns by a
 //! quarter turn for each of its integrators from standstill to half of the sampling rate (Nyquist).
@@ -43,8 +46,10 @@ pub struct TorqueLoop {
     pub stiffness_n_m: [f64; 2],
     /// Least damping of a tread, over the critical of its wheel alone.
     pub damping_ratio: f64,
-    /// How much of the law's force is added to its slow part in a second, 1/s.
+    /// How much of the law's force is added to its slow part in a second, 1/s; 0 where it has none.
     pub integral_1_s: f64,
+    /// The mass (or moment of inertia) that a disturbance observer counts with; 0 where there is none.
+    pub observed_body: f64,
 }
 
 /// What the law makes of its errors.
@@ -56,6 +61,15 @@ pub struct LoopGains {
     pub kp_1_s: f64,
     /// The low-pass on both, 1/s.
     pub filter_1_s: f64,
+    /// How fast a disturbance observer follows, g, 1/s; 0 where there is none.
+    pub observer_1_s: f64,
+}
+
+impl LoopGains {
+    /// By how much force a way of the platform's is answered before anything is added up over time, N/m (N·m/rad).
+    pub fn stiffness(&self) -> f64 {
+        self.damping * (self.kp_1_s + self.observer_1_s)
+    }
 }
 
 /// One tread on one platform.
@@ -113,8 +127,28 @@ struct Frequency {
     path: Complex<f64>,
     /// The measured speed's difference and filter.
     speed: Complex<f64>,
+    /// The measured torque and its filter, from the command on.
+    torque: Complex<f64>,
     /// What the slow part adds to the law's force.
     learnt: Complex<f64>,
+}
+
+/// From the wheels' way to the law's force, by frequency.
+struct Law {
+    /// In K.
+    part: Vec<Complex<f64>>,
+    /// Beside that: the observer's; empty without one.
+    beside: Vec<Complex<f64>>,
+}
+
+impl Law {
+    fn beside(&self, at: usize) -> Complex<f64> {
+        self.beside.get(at).copied().unwrap_or_default()
+    }
+
+    fn whole(&self, at: usize, damping: f64) -> Complex<f64> {
+        damping * self.part[at] + self.beside(at)
+    }
 }
 
 impl TorqueLoop {
@@ -130,8 +164,9 @@ impl TorqueLoop {
                 let hold = (1.0 - before) / (s * self.period_s);
                 let speed = (1.0 - before) / self.period_s * (1.0 - keep) / (1.0 - keep * before);
                 let path = hold * before * before / (s * self.lag_s + 1.0);
+                let torque = path * (1.0 - keep) / (1.0 - keep * before);
                 let learnt = self.integral_1_s * self.period_s / (1.0 - before) + 1.0;
-                Frequency { rad_s, shift: before, path, speed, learnt }
+                Frequency { rad_s, shift: before, path, speed, torque, learnt }
             })
             .collect()
     }
@@ -152,20 +187,32 @@ impl TorqueLoop {
             .collect()
     }
 
-    /// The law's own low-pass, by frequency.
+    /// A low-pass of the law's, by frequency.
     fn low_pass(&self, filter_1_s: f64, frequencies: &[Frequency]) -> Vec<Complex<f64>> {
         let keep = (-filter_1_s * self.period_s).exp();
         frequencies.iter().map(|at| (1.0 - keep) / (1.0 - keep * at.shift)).collect()
     }
 
-    /// From the wheels' way to the law's force over K, by frequency, behind a low-pass.
-    fn law(&self, kp_1_s: f64, low_pass: &[Complex<f64>], frequencies: &[Frequency]) -> Vec<Complex<f64>> {
-        low_pass.iter().zip(frequencies).map(|(part, at)| part * (at.speed + kp_1_s) * at.learnt).collect()
+    /// From the wheels' way to the law's force, behind a low-pass.
+    fn law(&self, gains: &LoopGains, low_pass: &[Complex<f64>], frequencies: &[Frequency]) -> Law {
+        let part = low_pass.iter().zip(frequencies);
+        let mut part: Vec<_> = part.map(|(part, at)| part * (at.speed + gains.kp_1_s) * at.learnt).collect();
+        let mut beside = Vec::new();
+        if self.observed_body > 0.0 {
+            beside = self.low_pass(gains.observer_1_s, frequencies);
+            for ((observed, part), at) in beside.iter_mut().zip(&mut part).zip(frequencies) {
+                let seen = *observed * at.shift;
+                let left = 1.0 - seen * at.torque;
+                *part /= left;
+                *observed = seen * self.observed_body * (1.0 - at.shift) / self.period_s * at.speed / left;
+            }
+        }
+        Law { part, beside }
     }
 
-    /// The loop's integrators: the platform's two, and what is learnt.
+    /// The loop's integrators: the platform's two, and what is learnt or observed.
     fn quarter_turns(&self) -> f64 {
-        if self.integral_1_s > 0.0 { 3.0 } else { 2.0 }
+        2.0 + [self.integral_1_s, self.observed_body].iter().filter(|slow| **slow > 0.0).count() as f64
     }
 
     /// The stiffnesses of the range that are looked at, N/m.
@@ -213,9 +260,9 @@ impl TorqueLoop {
         let frequencies = self.frequencies();
         let response = self.response(plant, &frequencies);
         let low_pass = self.low_pass(gains.filter_1_s, &frequencies);
-        let law = self.law(gains.kp_1_s, &low_pass, &frequencies);
+        let law = self.law(gains, &low_pass, &frequencies);
         let open: Vec<Complex<f64>> =
-            response.iter().zip(&law).map(|(plant, law)| gains.damping * plant * law).collect();
+            response.iter().enumerate().map(|(at, plant)| plant * law.whole(at, gains.damping)).collect();
         let turned_rad: f64 = open.windows(2).map(|pair| ((1.0 + pair[1]) / (1.0 + pair[0])).arg()).sum();
         let least = open.iter().map(|at| (1.0 + at).norm()).fold(f64::INFINITY, f64::min);
         let Margins { mut gain_db, mut phase_deg, .. } = Margins::ALL;

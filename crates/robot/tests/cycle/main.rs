@@ -5,6 +5,7 @@ mod axes;
 mod blocked;
 mod counts;
 mod courses;
+mod disturbance;
 mod fence;
 mod heedless;
 mod inputs;

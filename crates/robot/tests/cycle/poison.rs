@@ -4,13 +4,13 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use omnibase_platform::Twist2;
-use omnibase_robot::controllers::{AdaptiveTorque, ClosedLoopSpeed};
+use omnibase_robot::controllers::{AdaptiveTorque, ClosedLoopSpeed, DisturbanceObserver};
 use omnibase_robot::devices::Cia402Device;
 use omnibase_robot::estimators::WheelOdometry;
 use omnibase_robot::references::Hold;
 use omnibase_robot::signals::{
-    Commands, CycleTime, DriveMeasurement, DriveProgress, Dynamics, Frame, GripReport, PlatformState,
-    Quantity, RequestAnswer, SafetyReason, Setpoint,
+    Commands, CycleTime, DriveMeasurement, DriveProgress, Dynamics, Frame, GripReport, Measurements,
+    PlatformState, Quantity, RequestAnswer, SafetyReason, Setpoint,
 };
 use omnibase_robot::stages::{Controller, Device, DriveCommand, Estimator, Gain, Observation, Reference};
 use omnibase_robot::{CycleRecord, Phase, Registry, RequestKind};
@@ -158,6 +158,9 @@ impl Controller for Poisoned<Box<dyn Controller>> {
     fn knows(&mut self, dynamics: &Dynamics) {
         self.0.knows(dynamics);
     }
+    fn feels(&mut self, measurements: &Measurements) {
+        self.0.feels(measurements);
+    }
 }
 
 fn poisoned_bench(law: &str) -> (Bench, Poison) {
@@ -183,6 +186,11 @@ fn poisoned_bench(law: &str) -> (Bench, Poison) {
         let inner: Box<dyn Controller> = Box::new(AdaptiveTorque::new(plan)?);
         Ok(Poisoned(inner, mine.clone()))
     });
+    let mine = poison.clone();
+    registry.controllers.add(kind("poisoned_observer"), move |plan| {
+        let inner: Box<dyn Controller> = Box::new(DisturbanceObserver::new(plan)?);
+        Ok(Poisoned(inner, mine.clone()))
+    });
     let text = BMM.replace("\"sgdv\"", "\"poisoned\"").replace("\"closed_loop_speed\"", law)
         + "\n[estimator]\nkind = \"poisoned\"\n[reference]\nkind = \"poisoned\"\n";
     (Bench::with_registry(plan_with(&text, &registry), &registry), poison)
@@ -191,7 +199,7 @@ fn poisoned_bench(law: &str) -> (Bench, Poison) {
 #[test]
 fn one_wrong_number_anywhere_stops_and_leaves_nothing_behind() {
     let mut random = Random(0x5EED_0003);
-    for law in ["\"poisoned_speed\"", "\"poisoned_torque\""] {
+    for law in ["\"poisoned_speed\"", "\"poisoned_torque\"", "\"poisoned_observer\""] {
         let (mut bench, poison) = poisoned_bench(law);
         for code in 1..=3 * FIELDS {
             bench.enable();
@@ -231,7 +239,7 @@ fn one_wrong_number_anywhere_stops_and_leaves_nothing_behind() {
 
 #[test]
 fn requests_that_are_no_numbers_are_refused_and_change_nothing() {
-    for law in ["\"poisoned_speed\"", "\"poisoned_torque\""] {
+    for law in ["\"poisoned_speed\"", "\"poisoned_torque\"", "\"poisoned_observer\""] {
         let (mut bench, _) = poisoned_bench(law);
         bench.enable();
         for wrong in WRONG {
@@ -261,7 +269,7 @@ fn requests_that_are_no_numbers_are_refused_and_change_nothing() {
 fn any_bytes_from_the_drives_end_in_numbers() {
     // Process data as noise: 20 lives of 2000 cycles; a stop may come or not, a panic or a NaN may not.
     let mut random = Random(0x5EED_0004);
-    for law in ["\"poisoned_speed\"", "\"poisoned_torque\""] {
+    for law in ["\"poisoned_speed\"", "\"poisoned_torque\"", "\"poisoned_observer\""] {
         for _ in 0..10 {
             let (mut bench, _) = poisoned_bench(law);
             bench.enable();

@@ -54,6 +54,8 @@ pub struct Bench {
     pub inertia_kg_m2: f64,
     /// Dry friction of each wheel's axle, N·m.
     pub friction_nm: f64,
+    /// What pushes the body while its wheels turn by torque, in odom.
+    pub push: Wrench2,
     /// What the next exchanges will be.
     pub exchange: Exchange,
     pub index: u64,
@@ -93,6 +95,7 @@ impl Bench {
             mass_kg: plan.simulation.mass_kg.unwrap_or(70.0),
             inertia_kg_m2: plan.simulation.inertia_kg_m2.unwrap_or(7.0),
             friction_nm: 1.0,
+            push: Wrench2::default(),
             exchange: Exchange::Complete,
             index: 0,
             noise: None,
@@ -294,9 +297,10 @@ impl Bench {
             let braking = (0..wheels).any(|wheel| self.servos[wheel].status & 0x6F == 0x07);
             let grip = if braking { 5.0 } else { 1.0 };
             let rubs = self.rubs(twist, grip);
-            twist.vx_m_s += period_s * (wrench.fx_n + rubs.fx_n) / self.mass_kg;
-            twist.vy_m_s += period_s * (wrench.fy_n + rubs.fy_n) / self.mass_kg;
-            twist.w_rad_s += period_s * (wrench.torque_nm + rubs.torque_nm) / self.inertia_kg_m2;
+            twist.vx_m_s += period_s * (wrench.fx_n + rubs.fx_n + self.push.fx_n) / self.mass_kg;
+            twist.vy_m_s += period_s * (wrench.fy_n + rubs.fy_n + self.push.fy_n) / self.mass_kg;
+            let torque_nm = wrench.torque_nm + rubs.torque_nm + self.push.torque_nm;
+            twist.w_rad_s += period_s * torque_nm / self.inertia_kg_m2;
             self.twist_in_body = twist.rotated(-self.pose.heading_rad);
         }
         self.wheel_speeds = self.kinematics.wheel_speeds_rad_s(self.twist_in_body);

@@ -52,9 +52,12 @@ fn track(bench: &mut Bench, each: &mut dyn FnMut(&CycleRecord)) -> Run {
 #[test]
 fn every_controller_follows_square_and_circle() {
     // Bounds: root of the mean square and final error, m. Without slip all errors are the controllers' own.
-    for (controller, rms_m, final_m) in
-        [("open_loop", 5e-3, 5e-3), ("closed_loop_speed", 5e-4, 1e-5), ("adaptive_torque", 1.5e-3, 1e-3)]
-    {
+    for (controller, rms_m, final_m) in [
+        ("open_loop", 5e-3, 5e-3),
+        ("closed_loop_speed", 5e-4, 1e-5),
+        ("adaptive_torque", 1.5e-3, 1e-3),
+        ("disturbance_observer", 1.5e-3, 1e-3),
+    ] {
         for (name, reference) in [("square", SQUARE), ("circle", CIRCLE)] {
             let mut bench = Bench::new(plan(&controlled(BMM, controller, reference)));
             let run = track(&mut bench, &mut |_| {});
@@ -70,7 +73,9 @@ fn every_controller_follows_square_and_circle() {
 
 #[test]
 fn four_wheels_follow_too() {
-    for (controller, rms_m) in [("closed_loop_speed", 5e-4), ("adaptive_torque", 1.5e-3)] {
+    for (controller, rms_m) in
+        [("closed_loop_speed", 5e-4), ("adaptive_torque", 1.5e-3), ("disturbance_observer", 1.5e-3)]
+    {
         let text = controlled(MECANUM, controller, CIRCLE)
             .replace("[simulation]", "mass_kg = 60.0\ninertia_kg_m2 = 4.0\n\n[simulation]");
         let run = track(&mut Bench::new(plan(&text)), &mut |_| {});

@@ -1,7 +1,7 @@
 //! Gains of the law of torque: designed, or given and refused where they leave no margins.
 
 use super::*;
-use crate::controllers::TorqueDesign;
+use crate::controllers::{LoopGains, SlowForce, TorqueDesign};
 
 fn with(keys: &str) -> String {
     BMM.replace("kind = \"closed_loop_speed\"\n", &format!("kind = \"adaptive_torque\"\n{keys}\n"))
@@ -9,8 +9,8 @@ fn with(keys: &str) -> String {
 
 fn designed(keys: &str) -> TorqueDesign {
     let plan = RobotPlan::from_toml(&with(keys), &Registry::with_built_in(), &no_files);
-    TorqueDesign::new(&plan.unwrap_or_else(|problems| panic!("{}", show(&problems))))
-        .expect("a plan's design")
+    let plan = plan.unwrap_or_else(|problems| panic!("{}", show(&problems)));
+    TorqueDesign::new(&plan, SlowForce::Integral).expect("a plan's design")
 }
 
 #[test]
@@ -67,6 +67,32 @@ fn a_light_robots_wheels_are_taken_to_be_light() {
         let text = with("").replace("mass_kg = 70.0            #", &format!("mass_kg = {mass_kg} #"));
         RobotPlan::from_toml(&text, &Registry::with_built_in(), &no_files).expect("a plan")
     };
-    let wheel_kg = |mass_kg| TorqueDesign::new(&plan(mass_kg)).expect("a design").loops[0].wheel_kg;
+    let wheel_kg =
+        |mass_kg| TorqueDesign::new(&plan(mass_kg), SlowForce::Integral).expect("a design").loops[0].wheel_kg;
     assert_eq!((wheel_kg("35.0"), wheel_kg("140.0")), (1.0, 2.0));
+}
+
+#[test]
+fn an_observer_is_designed_given_or_refused() {
+    let with = |keys: &str| with(keys).replace("adaptive_torque", "disturbance_observer");
+    let designed = |keys: &str| {
+        let plan = RobotPlan::from_toml(&with(keys), &Registry::with_built_in(), &no_files);
+        let plan = plan.unwrap_or_else(|problems| panic!("{}", show(&problems)));
+        TorqueDesign::new(&plan, SlowForce::Observer).expect("a plan's design")
+    };
+    let [x, ..] = designed("").gains;
+    let [adaptive, ..] = super::torque_gains::designed("").gains;
+    assert!(x.observer_1_s > 0.0 && x.stiffness() > 1.3 * adaptive.stiffness(), "{x:?} {adaptive:?}");
+    let softly = "damping_n_s_m = 400\nturn_damping_n_m_s_rad = 60\ntorque_kp_1_s = [1.0, 1.0, 1.0]\ntorque_filter_1_s = 30";
+    let [given, ..] = designed(&format!("{softly}\nobserver_1_s = 0.5")).gains;
+    let told = LoopGains { damping: 400.0, kp_1_s: 1.0, filter_1_s: 30.0, observer_1_s: 0.5 };
+    assert_eq!(given, told);
+    let problems = problems(&with("observer_1_s = 50"));
+    let (problem, ..) = found(&problems, "controller.observer_1_s");
+    assert!(problem.reason.contains("an observer of 50 1/s"), "{}", show(&problems));
+    let inputs = "device = \"sgdv\"\ninputs = [{ pdo = \"0x1A00\", map = \"6041:16 6061:8 pad:8 6064:32 606C:32\" }]\n";
+    let unmeasured = with("").replace("device = \"sgdv\"\n", inputs);
+    let problems = self::problems(&unmeasured);
+    let (problem, ..) = found(&problems, "controller.kind");
+    assert!(problem.reason.contains("wheel_1 must map its own (0x6077)"), "{}", show(&problems));
 }

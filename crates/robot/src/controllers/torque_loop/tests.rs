@@ -1,4 +1,4 @@
-use super::design::{FILTERS_1_S, GAIN_STEP, GREATEST_1_S, KP_1_S};
+use super::design::{FILTERS_1_S, GAIN_STEP, GREATEST_1_S};
 use super::*;
 
 /// `robots/bmm.toml`, along x and y and about the vertical: three wheels at 120°, Σb² = 1.5 and p1² + 2p².
@@ -13,6 +13,7 @@ fn bmm() -> [TorqueLoop; 2] {
         stiffness_n_m: [1e5, 4e6],
         damping_ratio: 0.1,
         integral_1_s: 0.5,
+        observed_body: 0.0,
     };
     [
         along.clone(),
@@ -27,6 +28,15 @@ fn mecanum() -> [TorqueLoop; 2] {
     [TorqueLoop { shares: [4.0; 2], body: [20.0, 180.0], ..along }, turn]
 }
 
+/// The same axes under a law with a disturbance observer that counts with the mean of lightest and heaviest.
+fn observed() -> [TorqueLoop; 4] {
+    let [[along, turn], [wide, spin]] = [bmm(), mecanum()];
+    [along, turn, wide, spin].map(|axis| {
+        let observed_body = (axis.body[0] * axis.body[1]).sqrt();
+        TorqueLoop { integral_1_s: 0.0, observed_body, ..axis }
+    })
+}
+
 /// How much faster the wheels move after 20 s than in the first second, by time: the equations in steps of a hundredth of a
 /// period, the law cycle by cycle.
 fn growth(axis: &TorqueLoop, gains: &LoopGains, plant: &Plant) -> f64 {
@@ -36,18 +46,25 @@ fn growth(axis: &TorqueLoop, gains: &LoopGains, plant: &Plant) -> f64 {
     let damper = plant.damping_ratio * 2.0 * (spring * wheel).sqrt();
     let part = |filter_1_s: f64| 1.0 - (-filter_1_s * period_s).exp();
     let (speed_part, low_pass_part) = (part(axis.speed_filter_1_s), part(gains.filter_1_s));
+    let (mut torque, mut observed) = (0.0, 0.0);
     // A wheel that stands a millimetre off, with its body.
     let (mut way, mut way_speed, mut body, mut body_speed) = (1e-3, 0.0_f64, 1e-3, 0.0);
     let (mut way_before, mut measured, mut low_passed, mut learnt, mut force) = (way, 0.0, 0.0, 0.0, 0.0);
     let mut commands = [0.0; 2];
     let (mut first, mut last) = (0.0_f64, 0.0_f64);
     for cycle in 0..20_000 {
+        let measured_before = measured;
         measured += speed_part * ((way - way_before) / period_s - measured);
         way_before = way;
+        torque += speed_part * (force - torque);
         low_passed += low_pass_part * (measured + gains.kp_1_s * way - low_passed);
         learnt += axis.integral_1_s * period_s * low_passed;
         let acts = commands[0];
-        commands = [commands[1], -gains.damping * (low_passed + learnt)];
+        commands = [commands[1], -gains.damping * (low_passed + learnt) - observed];
+        if axis.observed_body > 0.0 {
+            let gained = axis.observed_body * (measured - measured_before) / period_s;
+            observed += part(gains.observer_1_s) * (gained - torque - observed);
+        }
         for _ in 0..STEPS {
             force += step_s / axis.lag_s * (acts - force);
             let tread = spring * (way - body) + damper * (way_speed - body_speed);
@@ -68,7 +85,7 @@ fn growth(axis: &TorqueLoop, gains: &LoopGains, plant: &Plant) -> f64 {
 
 #[test]
 fn margins_by_frequency_are_those_by_time() {
-    for axis in bmm().into_iter().chain(mecanum()) {
+    for axis in bmm().into_iter().chain(mecanum()).chain(observed()) {
         let gains = axis.design().expect("gains");
         let plants = axis.plants();
         let gain_db = |plant: &&Plant| axis.margins(&gains, plant).gain_db;
@@ -78,10 +95,12 @@ fn margins_by_frequency_are_those_by_time() {
         let corners = [worst, &plants[0], &plants[9], &plants[20], &plants[29]];
         for plant in corners {
             let limit = 10_f64.powf(gain_db(&plant) / 20.0);
-            let times = |factor: f64| LoopGains { damping: factor * gains.damping, ..gains };
             for (factor, is_stable) in [(1.0, true), (0.93 * limit, true), (1.07 * limit, false)] {
-                let grown = growth(&axis, &times(factor), plant);
-                let told = axis.margins(&times(factor), plant);
+                // The whole gain of an observer's law is K and the mass that it counts with.
+                let gains = LoopGains { damping: factor * gains.damping, ..gains };
+                let axis = TorqueLoop { observed_body: factor * axis.observed_body, ..axis.clone() };
+                let grown = growth(&axis, &gains, plant);
+                let told = axis.margins(&gains, plant);
                 assert_eq!(told.is_stable, is_stable, "{factor} times K on {plant:?} of {axis:?}");
                 assert_eq!(grown < 1.0, is_stable, "{factor} times K on {plant:?} of {axis:?}: {grown}");
             }
@@ -91,7 +110,7 @@ fn margins_by_frequency_are_those_by_time() {
 
 #[test]
 fn designed_gains_leave_6_db_and_30_degrees_on_every_tread() {
-    for axis in bmm().into_iter().chain(mecanum()) {
+    for axis in bmm().into_iter().chain(mecanum()).chain(observed()) {
         let mut stiffest = 0.0;
         for (soft, damping_ratio) in [(1e5, 0.1), (3e5, 0.3), (2e6, 0.3)] {
             let axis = TorqueLoop { stiffness_n_m: [soft, 4e6], damping_ratio, ..axis.clone() };
@@ -99,10 +118,10 @@ fn designed_gains_leave_6_db_and_30_degrees_on_every_tread() {
             let worst = axis.worst(&gains);
             assert!(worst.is_stable && worst.sensitivity <= MOST_SENSITIVE, "{worst:?} of {gains:?}");
             assert!(worst.gain_db >= 6.0 && worst.phase_deg >= 30.0, "{worst:?} of {gains:?}");
-            assert!(gains.damping >= axis.body[1] * gains.kp_1_s, "{gains:?}");
+            assert!(axis.observed_body > 0.0 || gains.damping >= axis.body[1] * gains.kp_1_s, "{gains:?}");
             // More that is known is never less stiffness.
-            assert!(gains.damping * gains.kp_1_s >= stiffest, "{gains:?} of {axis:?}");
-            stiffest = gains.damping * gains.kp_1_s;
+            assert!(gains.stiffness() >= stiffest, "{gains:?} of {axis:?}");
+            stiffest = gains.stiffness();
         }
     }
 }
@@ -113,7 +132,7 @@ fn the_gain_at_which_6_db_are_left_is_the_known_one() {
     let axis = TorqueLoop { integral_1_s: 0.0, ..along };
     // Measured speed alone; known from the same transfer functions at 400 000 frequencies.
     for (stiffness_n_m, damping_ratio, known) in [(1e6, 0.3, 1446.0), (1e5, 0.1, 434.0)] {
-        let gains = LoopGains { damping: 300.0, kp_1_s: 0.0, filter_1_s: 1e6 };
+        let gains = LoopGains { damping: 300.0, kp_1_s: 0.0, filter_1_s: 1e6, observer_1_s: 0.0 };
         let plant = Plant { shares: 1.5, body: 170.0, stiffness_n_m, damping_ratio };
         let left_db = axis.margins(&gains, &plant).gain_db;
         let damping = gains.damping * 10_f64.powf((left_db - 20.0 * 2_f64.log10()) / 20.0);
@@ -134,8 +153,8 @@ fn wheels_that_share_unlike_by_direction_get_margins_in_every_direction() {
 
 #[test]
 fn between_the_stiffnesses_that_were_looked_at_nothing_hides() {
-    let [along, turn] = bmm().map(|axis| TorqueLoop { damping_ratio: 0.05, ..axis });
-    for axis in [along, turn] {
+    for axis in bmm().into_iter().chain(observed()) {
+        let axis = TorqueLoop { damping_ratio: 0.05, ..axis };
         let gains = axis.design().expect("a design");
         // A hundred swings of the lightest damping that a file may say, none at a place of the design's.
         for step in 0..100 {
@@ -157,14 +176,15 @@ fn by_trial(axis: &TorqueLoop) -> Option<LoopGains> {
     let mut best: Option<LoopGains> = None;
     for filter_1_s in FILTERS_1_S {
         let low_pass = axis.low_pass(filter_1_s, &frequencies);
-        for kp_1_s in KP_1_S {
-            let law = axis.law(kp_1_s, &low_pass, &frequencies);
-            let least = best.map_or(0.0, |best| best.damping * best.kp_1_s / kp_1_s);
+        for (kp_1_s, observer_1_s) in axis.rates() {
             let mut damping = GREATEST_1_S * axis.body[1];
-            while damping > least.max(axis.body[1] * kp_1_s) {
+            let gains = LoopGains { damping, kp_1_s, filter_1_s, observer_1_s };
+            let law = axis.law(&gains, &low_pass, &frequencies);
+            let least = best.map_or(0.0, |best| best.stiffness() / (kp_1_s + observer_1_s));
+            while damping > least.max(axis.least(kp_1_s)) {
                 let bears = |plant: &Vec<Complex<f64>>| {
-                    let closed: Vec<_> =
-                        plant.iter().zip(&law).map(|(plant, law)| 1.0 + damping * plant * law).collect();
+                    let of = |(at, plant): (usize, &Complex<f64>)| 1.0 + plant * law.whole(at, damping);
+                    let closed: Vec<_> = plant.iter().enumerate().map(of).collect();
                     let turned_rad: f64 =
                         closed.windows(2).map(|pair| (pair[1] * pair[0].conj()).arg()).sum();
                     let least = closed.iter().map(|at| at.norm_sqr()).fold(f64::INFINITY, f64::min);
@@ -173,7 +193,7 @@ fn by_trial(axis: &TorqueLoop) -> Option<LoopGains> {
                 match plants.iter().position(|plant| !bears(plant)) {
                     Some(fails) => plants.swap(0, fails),
                     None => {
-                        best = Some(LoopGains { damping, kp_1_s, filter_1_s });
+                        best = Some(LoopGains { damping, ..gains });
                         break;
                     }
                 }
@@ -193,7 +213,8 @@ fn what_the_search_finds_is_what_trying_every_gain_finds() {
     let stiff = TorqueLoop { stiffness_n_m: [2e6, 4e6], damping_ratio: 0.8, lag_s: 0.0, ..wide.clone() };
     let unlike = TorqueLoop { shares: [0.5, 2.5], body: [90.0, 120.0], integral_1_s: 0.0, ..along.clone() };
     let hopeless = TorqueLoop { period_s: 0.1, ..turn.clone() };
-    for axis in [along, turn, wide, spin, told, stiff, unlike, hopeless] {
+    let watched = TorqueLoop { integral_1_s: 0.0, observed_body: 70.0, ..told.clone() };
+    for axis in [along, turn, wide, spin, told, stiff, unlike, hopeless, watched] {
         assert_eq!(axis.design(), by_trial(&axis), "{axis:?}");
     }
 }
