@@ -511,6 +511,7 @@ fn with_a_mailbox_of(length: u16) -> Vec<u8> {
     let mut image = sii::Image::default();
     let identity = sii::Identity { vendor_id: 0x539, product_code: 7, revision: 1, serial: 1 };
     image.header.identity = identity;
+    image.header.checksum = u16::from(image.header.computed_checksum());
     let mut bytes = image.emit();
     for at in [0x18, 0x1A] {
         bytes[2 * at..2 * at + 4].copy_from_slice(&[0x00, 0x10, length as u8, (length >> 8) as u8]);

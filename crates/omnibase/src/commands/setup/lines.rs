@@ -179,6 +179,9 @@ mod tests {
         assert_eq!(lines.said.recv().unwrap()["answer"], "a");
         lines.take_key("turns");
         assert_eq!(lines.key(), Key::Quiet);
+        // A key that stayed down is let go, and pressed anew.
+        program.write_all(b"{\"key\": false}\n").unwrap();
+        assert_eq!(key(&mut lines), Key::LetGo);
         program.write_all(b"{\"key\": true}\n").unwrap();
         assert_eq!(key(&mut lines), Key::Beat);
         program.write_all(b"{\"key\": false}\n").unwrap();
