@@ -52,12 +52,7 @@ impl<'a> Search<'a> {
         Search { until, ..self }
     }
 
-    /// Whether whoever waits ends it.
-    pub(crate) fn is_over(&self) -> bool {
-        self.until.is_over()
-    }
-
-    pub(crate) fn queue<T: Copy>(&self) -> Queue<'a, T> {
+    pub(crate) fn queue(&self) -> Queue<'a> {
         Queue::new(self.until)
     }
 
