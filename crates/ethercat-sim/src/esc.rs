@@ -250,14 +250,9 @@ impl Esc {
         }
     }
 
-    /// Whether the configuration area was loaded from the EEPROM.
-    pub(crate) fn has_configuration(&self) -> bool {
-        self.sii.loaded()
-    }
-
     /// The ports changed: DL status, lost link counters and events follow.
     pub(crate) fn set_ports(&mut self, ports: [PortState; 4]) {
-        let mut status = u16::from(self.has_configuration());
+        let mut status = u16::from(self.sii.loaded());
         if self.pdi_watchdog.running() {
             status |= DL_STATUS_PDI_WATCHDOG;
         }

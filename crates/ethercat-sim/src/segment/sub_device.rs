@@ -64,8 +64,6 @@ impl SubDevice {
         self.powered = true;
         self.frozen = false;
         self.esc.power_on(now);
-        // Without its configuration area the chip doesn't serve its processor (ETG.1000.4, PDI control).
-        self.frozen = !self.esc.has_configuration();
         self.application.power_on(&mut PdiPort::new(&mut self.esc, now), now);
         // What the firmware set up may be due at once; it gets the chance.
         self.run(now);

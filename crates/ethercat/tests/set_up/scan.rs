@@ -99,6 +99,21 @@ fn one_whose_processor_reads_nothing_is_named() {
     assert!(error.to_string().contains("its firmware hangs or is missing"), "{error}");
 }
 
+/// Behind a chip that didn't load its EEPROM nobody hears a second request: the device is there all the same.
+#[test]
+fn one_whose_eeprom_was_not_loaded_is_found() {
+    use omnibase_ethercat_sim::Fault;
+    use omnibase_ethercat_sim::pdi::ApplicationFault;
+    let mut segment = Segment::line(vec![obedient(EscConfig::default())]).unwrap();
+    segment.inject(0, Fault::from(ApplicationFault::Frozen(true))).unwrap();
+    let (link, clock) = in_process(segment);
+    let mut bus = Bus::new(link, clock, BusOptions::default());
+    for _ in 0..2 {
+        assert_eq!(bus.scan().map(<[_]>::len), Ok(1));
+    }
+    assert!(bus.subdevices()[0].broken.is_some());
+}
+
 /// A fork: 0 has 1 at port 3, 2 at port 1 (3 behind it, without clock; 4 behind that), 5 at port 2.
 #[test]
 fn delays_and_parents_in_a_tree_are_the_true_ones() {
