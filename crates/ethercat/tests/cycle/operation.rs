@@ -122,8 +122,10 @@ fn whoever_is_plugged_in_meanwhile_keeps_nobody_from_the_way_back() {
 fn an_error_without_a_code_is_refused_on_the_way_up() {
     let mut runner = Runner::new(segment_file("three-servos.toml"), &[], ClockDirection::CycleFollowsDc);
     runner.bus().link_mut().change = |frame| {
-        let statuses = Datagrams::new(frame).unwrap().map(Result::unwrap).filter(|datagram| {
-            datagram.header.address >> 16 == 0x0130 && datagram.header.command == Command::Fprd.code()
+        let statuses = Datagrams::new(frame).unwrap().map(Result::unwrap);
+        let statuses = statuses.filter(|datagram| {
+            let is_read = [Command::Brd, Command::Fprd].map(Command::code).contains(&datagram.header.command);
+            is_read && datagram.header.address >> 16 == 0x0130
         });
         for at in statuses.map(|datagram| datagram.offset + DATAGRAM_HEADER).collect::<Vec<_>>() {
             if u16::from(frame[at]) == AlState::SafeOp.bits() {
