@@ -531,7 +531,7 @@ mod tests {
         firmware.hung = true;
         for turn in 0..3u64 {
             for _ in 0..10 {
-                theirs.write_all(&[READ, 0, 0x20, 1, 2, 0]).unwrap();
+                theirs.write_all(&[READ, 0, 0x20, 1, 2, 0, 0, 0]).unwrap();
             }
             let now = HostTime(turn);
             let wake = firmware.run_lockstep(&mut chip, AlEvent(0), now).unwrap();
@@ -539,7 +539,7 @@ mod tests {
             assert!(firmware.hung && !firmware.waiting);
         }
         // It yields at last, for no time at all: some passes all the same.
-        let mut yields = vec![YIELD, 0, 0, 0, 8, 0];
+        let mut yields = vec![YIELD, 0, 0, 0, 8, 0, 0, 0];
         yields.extend([0; 8]);
         theirs.write_all(&yields).unwrap();
         let wake = loop {

@@ -64,14 +64,14 @@ fn a_robot_drives_around_walls_and_around_what_comes_and_says_why_it_gives_up() 
         put(&robot, [1.4, 1.0], 0.2);
         let has_planned = || way(&robot)["text"].as_str().unwrap().contains("planned again 1 times");
         robot.wait("it is planned again, or over", |_| has_planned() || way(&robot)["under_way"] == false);
-        let has_planned = has_planned();
+        // What comes too late may stop it where it touches what is in the way.
+        let has_planned = has_planned() && ended(&robot)["text"] == "there";
         if !has_planned {
             again([2.8, 0.0, 0.0]);
         }
         has_planned
     });
     assert!(has_planned, "{}", way(&robot));
-    assert_eq!(ended(&robot)["text"], "there");
 
     // Something comes to where it shall stand; again where it stood there before.
     let way = (0..20).find_map(|_| {
