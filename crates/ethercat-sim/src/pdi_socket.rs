@@ -522,33 +522,4 @@ mod tests {
         drop(theirs);
         assert!(firmware.run_free(&mut Chip { event: 0 }, AlEvent(0), HostTime(0)).is_err());
     }
-
-    /// Firmware that asks for ever without yielding is hung as one that is silent is: looked at once a turn, and time goes on.
-    #[test]
-    fn firmware_that_never_yields_doesnt_keep_time_from_going_on() {
-        let (mut firmware, mut theirs) = connected();
-        let mut chip = Chip { event: 0 };
-        firmware.hung = true;
-        for turn in 0..3u64 {
-            for _ in 0..10 {
-                theirs.write_all(&[READ, 0, 0x20, 1, 2, 0, 0, 0]).unwrap();
-            }
-            let now = HostTime(turn);
-            let wake = firmware.run_lockstep(&mut chip, AlEvent(0), now).unwrap();
-            assert_eq!(wake, Some(now + IDLE_POLL));
-            assert!(firmware.hung && !firmware.waiting);
-        }
-        // It yields at last, for no time at all: some passes all the same.
-        let mut yields = vec![YIELD, 0, 0, 0, 8, 0, 0, 0];
-        yields.extend([0; 8]);
-        theirs.write_all(&yields).unwrap();
-        let wake = loop {
-            match firmware.run_lockstep(&mut chip, AlEvent(0), HostTime(5)).unwrap() {
-                wake if firmware.waiting => break wake,
-                _ => {}
-            }
-        };
-        assert_eq!(wake, Some(HostTime(5) + FREE_POLL));
-        assert!(!firmware.hung);
-    }
 }
