@@ -10,7 +10,7 @@ use std::time::{Duration, Instant};
 use omnibase_plan::Until;
 use omnibase_platform::Pose2;
 use omnibase_robot::config::BestWay;
-use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle};
+use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle, spread_m};
 use omnibase_robot::signals::{Course, Phase, SafetyReason, Setpoint};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Ability, RequestKind};
@@ -320,10 +320,11 @@ impl DriveTo {
         let Stage::Driving { poses, obstacles, walls, is_seen, .. } = &mut drive.stage else { return None };
         *is_seen = true;
         let here = snapshot.record.setpoint.odom_from_body;
+        let spread_m = spread_m(&snapshot.record.state, &about.robot.plan.guard.footprint_m);
         let now = new_obstacles(&snapshot.obstacles, obstacles);
         // Walls that were drawn meanwhile: it is planned anew whatever they are.
         let is_blocked = *walls != self.walls_number()
-            || now.iter().any(|obstacle| about.room.meets(left(poses, &here), obstacle));
+            || now.iter().any(|obstacle| about.room.meets(left(poses, &here), obstacle, spread_m));
         if !is_blocked {
             self.keep(drive, None);
             return None;
@@ -398,6 +399,7 @@ impl Drive {
             lead: &lead,
             to: self.goal,
             obstacles: &obstacles,
+            spread_m: spread_m(&snapshot.record.state, &about.robot.plan.guard.footprint_m),
             fence_m: snapshot.fence.corners_m(),
             walls_m: &walls.polygons_m,
             best: self.best,

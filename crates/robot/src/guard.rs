@@ -34,6 +34,7 @@ use retreat::Retreat;
 pub use shape::MAX_FENCE_CORNERS;
 use shape::{Patch, length, plus};
 use shaping::{Detour, Shaped};
+pub use spread::spread_m;
 use spread::{Spread, WayLeft};
 
 /// By how much less room than must be kept counts as kept: rounding, m.
@@ -50,12 +51,23 @@ const LAG_WAITS_M: f64 = 0.3;
 /// What a cycle wants to do.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Drive<'a> {
-    /// Follow a plan; the place where it should be is known, and how fast that may be caught up with.
-    Follow(&'a Setpoint, SpeedBound),
+    /// Follow a plan.
+    Follow(&'a Followed),
     /// A person's or a program's speed.
     Toward(Twist2),
     /// Stop.
     Stop,
+}
+
+/// A plan that is followed.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Followed {
+    /// Where the platform should be.
+    pub(crate) wished: Setpoint,
+    /// How fast that may be caught up with.
+    pub(crate) most: SpeedBound,
+    /// Where its path is never left: the speed on it at its full rate.
+    pub(crate) on_path: Option<Twist2>,
 }
 
 /// What must be kept, and what room there is now.
@@ -132,6 +144,8 @@ pub(crate) struct Guard {
     pub(crate) circulate_1_s: f64,
     detour: Detour,
     pace: f64,
+    /// The greatest rate of a plan that waits on its path.
+    waiting_rate: f64,
     limited_by: LimitedBy,
 }
 
@@ -159,6 +173,7 @@ impl Guard {
             circulate_1_s: plan.circulate_1_s,
             detour: Detour::default(),
             pace: 1.0,
+            waiting_rate: 1.0,
             limited_by: LimitedBy::Nothing,
         }
     }
@@ -187,9 +202,10 @@ impl Guard {
         }
     }
 
-    /// At which part of its rate a plan's time may go on: it waits for a platform that had to give way.
-    pub(crate) fn pace(&self) -> f64 {
-        self.pace
+    /// What is left of the rate at which a plan's time shall go on: it waits for a platform that had to give way, and on a path that is
+    /// never left for what stands in it.
+    pub(crate) fn left_of(&self, rate: f64) -> f64 {
+        (rate * self.pace).min(self.waiting_rate)
     }
 
     /// What held the motion back in this cycle.
@@ -265,6 +281,14 @@ impl Guard {
         self.avoidance == AvoidanceKind::Guarded
     }
 
+    /// The speed of a plan at its full rate, where obstacles never make it leave its path.
+    fn path_kept(&self, drive: Drive<'_>) -> Option<Twist2> {
+        match drive {
+            Drive::Follow(plan) if self.heeds_obstacles() => plan.on_path,
+            Drive::Follow(_) | Drive::Toward(_) | Drive::Stop => None,
+        }
+    }
+
     /// One period: as much of what is wanted as fence and obstacles let through.
     pub(crate) fn step(
         &mut self,
@@ -273,9 +297,9 @@ impl Guard {
         state: &PlatformState,
     ) -> Setpoint {
         self.limited_by = LimitedBy::Nothing;
-        self.pace = 1.0;
+        (self.pace, self.waiting_rate) = (1.0, 1.0);
         let wish = match drive {
-            Drive::Follow(wished, most) => most.hold(limiter.leading_to(wished)),
+            Drive::Follow(plan) => plan.most.hold(limiter.leading_to(&plan.wished)),
             Drive::Toward(twist) => twist,
             Drive::Stop => Twist2::default(),
         };
@@ -295,12 +319,15 @@ impl Guard {
         let now = self.now(&here, state);
         let Shaped { twist: shaped, away, by: cause } = self.shape(&here, drive, wish, &now);
         let is_unhindered = cause == LimitedBy::Nothing;
-        if let Drive::Follow(wished, _) = drive {
-            self.pace = self.pace_of(&here, wished, &now);
+        if let Drive::Follow(plan) = drive {
+            self.pace = self.pace_of(&here, &plan.wished, &now);
         }
         let half = shaped.scaled(0.5);
-        let straight = Twist2::new(shaped.vx_m_s, shaped.vy_m_s, 0.0);
-        let turning = Twist2::new(0.0, 0.0, shaped.w_rad_s);
+        // Who keeps the path goes along it as a whole.
+        let [straight, turning] = match self.path_kept(drive) {
+            Some(_) => [Twist2::default(); 2],
+            None => [Twist2::new(shaped.vx_m_s, shaped.vy_m_s, 0.0), Twist2::new(0.0, 0.0, shaped.w_rad_s)],
+        };
         let mut cause = cause;
         let candidates = [shaped, half, away, straight, turning, Twist2::default()];
         for (number, candidate) in candidates.into_iter().enumerate() {

@@ -11,7 +11,7 @@ use omnibase_platform::{Pose2, Twist2};
 use omnibase_trajectory::{LimitsError, TwistLimiter};
 
 use crate::config::{GuardPlan, Limits, SafetyPlan};
-use crate::guard::Guard;
+use crate::guard::{Followed, Guard};
 use crate::limiter::SpeedBound;
 use crate::settings::Settings;
 use crate::signals::{Course, CycleTime, Inputs, Outputs, ReferenceStatus, Request, Setpoint};
@@ -349,7 +349,7 @@ impl Motion {
         let carried = self.way.carried(self.carried.share).sqrt().max(LEAST_RATE);
         let rate = settings.rate(self.planned).min(carried);
         let left_s = self.way.left_s();
-        self.way.time_ns += self.advance(time, [rate, guard.pace()], left_s);
+        self.way.time_ns += self.advance(time, rate, guard, left_s);
         if let Then::Joins { at_ns, rate } = self.way.then {
             // The path's own time that it would be at, were it followed so far.
             self.time_ns = self.time_ns.max(at_ns - rate * 1e9 * self.way.left_s());
@@ -379,20 +379,20 @@ impl Motion {
         };
         let rate = if self.brakes_as_planned() { rate.max(self.rate_now) } else { rate };
         let left_s = self.reference.duration_s().map_or(f64::INFINITY, |end_s| end_s - self.time_s());
-        self.time_ns += self.advance(time, [rate, guard.pace()], left_s);
+        self.time_ns += self.advance(time, rate, guard, left_s);
         let own = self.reference.sample(self.time_s());
         self.planned = own.twist_in_odom;
         self.begun = own.status != ReferenceStatus::Finished;
         self.at_rate(own)
     }
 
-    /// The rate goes towards what is wished, at the pace that obstacles leave; gives the time that passes at it, ns.
-    fn advance(&mut self, time: &CycleTime, [rate, pace]: [f64; 2], left_s: f64) -> f64 {
+    /// The rate goes towards what obstacles leave of what is wished; gives the time that passes at it, ns.
+    fn advance(&mut self, time: &CycleTime, rate: f64, guard: &Guard, left_s: f64) -> f64 {
         let elapsed_ns = time.now_ns.saturating_sub(self.now_ns) as f64;
         self.now_ns = time.now_ns;
         if elapsed_ns > 0.0 {
             let before = self.rate_now;
-            let limited = self.rate.step(Twist2::new(rate * pace, 0.0, 0.0));
+            let limited = self.rate.step(Twist2::new(guard.left_of(rate), 0.0, 0.0));
             self.rate_now = limited.twist_in_odom.vx_m_s.clamp(0.0, 1.0);
             self.rate_change_1_s = limited.acceleration_in_odom.vx_m_s;
             self.wait_for_traction(before, elapsed_ns * 1e-9);
@@ -418,8 +418,19 @@ impl Motion {
     }
 
     /// How fast the platform may be while it follows.
-    pub(crate) fn bound(&self) -> SpeedBound {
+    fn bound(&self) -> SpeedBound {
         self.headway.bound(&self.step.speed)
+    }
+
+    /// What is followed, where it should be now.
+    pub(crate) fn followed(&self, wished: &Setpoint) -> Followed {
+        let on_path = self.keeps_path().then_some(self.own[0]);
+        Followed { wished: *wished, most: self.bound(), on_path }
+    }
+
+    /// Whether obstacles make it wait on its path, and never leave it.
+    fn keeps_path(&self) -> bool {
+        self.needs_reference() && self.reference.keeps_path()
     }
 
     /// What became of a cycle's wish, and whether fence or obstacles changed it.
@@ -431,12 +442,31 @@ impl Motion {
         if self.course != Course::Velocity {
             self.headway.note(&self.step, [wished, setpoint]);
         }
+        if is_hindered && self.course == Course::Reference && self.reference.keeps_path() {
+            self.fall_back(wished, setpoint);
+        }
         let (plan, here) = (&wished.twist_in_odom, &setpoint.twist_in_odom);
         let goes_with = headway::is_there(&wished.odom_from_body, &setpoint.odom_from_body)
             && (plan.vx_m_s - here.vx_m_s).hypot(plan.vy_m_s - here.vy_m_s) <= WITH_PLAN
             && (plan.w_rad_s - here.w_rad_s).abs() <= WITH_PLAN;
         // Who was off comes back where the floor carries the plan at its full rate in whatever direction.
         self.is_on_plan = goes_with && !is_hindered && (self.is_on_plan || self.rate_now >= self.full_rate());
+    }
+
+    /// A platform that is held back on a path that is kept has the path's time beside it: a place ahead would draw it across bends.
+    fn fall_back(&mut self, wished: &Setpoint, setpoint: &Setpoint) {
+        let [own, _] = self.own;
+        let along = |x: f64, y: f64, turn: f64| x * own.vx_m_s + y * own.vy_m_s + turn * own.w_rad_s;
+        let square = along(own.vx_m_s, own.vy_m_s, own.w_rad_s);
+        let (place, here, twist) = (wished.odom_from_body, setpoint.odom_from_body, setpoint.twist_in_odom);
+        let turn_rad = place.heading_rad - here.heading_rad;
+        let late_s = along(place.x_m - here.x_m, place.y_m - here.y_m, turn_rad) / square;
+        let rate = along(twist.vx_m_s, twist.vy_m_s, twist.w_rad_s) / square;
+        if late_s.is_finite() && late_s > 0.0 {
+            self.time_ns = (self.time_ns - late_s * 1e9).max(0.0);
+            self.rate_now = rate.clamp(0.0, self.rate_now);
+            self.rate.restart(Twist2::new(self.rate_now, 0.0, 0.0));
+        }
     }
 
     /// Whether obstacles let the plan make no headway for too long.

@@ -3,22 +3,24 @@
 mod curves;
 mod dxf;
 
+use std::borrow::Cow;
+
 use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_trajectory::curve;
 use omnibase_trajectory::limits::{self, Peaks};
 use omnibase_trajectory::{
     Corrected, Correction, CurveHeading, FastestError, FastestTrajectory, GeometricPath, Heading,
     InPlatformAxes, Interpolation, Joining, Nurbs, Passing, PathPoint, PathPoints, PathPointsError,
-    PiecewisePath, Placed, PointTrajectory, Shape, ShapeError, ShapePath, ShapeTrajectory, SpeedRule,
-    Trajectory,
+    PiecewisePath, Placed, PlatformBounds, PointTrajectory, Shape, ShapeError, ShapePath, ShapeTrajectory,
+    SpeedRule, Trajectory,
 };
 
 pub(crate) use curves::{Drawing, read_drawing};
 
 use crate::ability::{Ability, ROOM};
 use crate::config::{
-    EndlessName, HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable, Timing, Turns,
-    motion_limits,
+    AtObstacles, EndlessName, HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable,
+    Timing, Turns, motion_limits,
 };
 use crate::registry::{Kind, Made, Registry, StageError, given, needed, optional};
 use crate::signals::{ReferenceStatus, Setpoint};
@@ -27,8 +29,10 @@ use crate::stages::{PlannedFor, Reference};
 /// Where points turn by more than this they are a corner, rad: 30°.
 const CORNER_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
-/// The keys of speeds with which ends are passed.
-const SPEEDS: [&str; 2] = ["start_speed_m_s", "end_speed_m_s"];
+/// The keys of the fastest motion's speeds: the greatest ones, and those with which ends are passed.
+const SPEEDS: [&str; 4] = ["speed_m_s", "turn_speed_rad_s", "start_speed_m_s", "end_speed_m_s"];
+/// Where in them those of the ends begin.
+const ENDS: usize = 2;
 
 /// The keys of what repeats taught.
 const CORRECTION: [&str; 2] = ["correction", "correction_file"];
@@ -95,7 +99,7 @@ pub fn register(registry: &mut Registry) {
             Ok(Hold::default())
         });
     for shape in SHAPES {
-        let further = ["duration_s", "period_s", "turns", "heading", "timing", "frame"];
+        let further = ["duration_s", "period_s", "turns", "heading", "timing", "frame", "obstacles"];
         let further = further.into_iter().chain(SPEEDS).chain(CORRECTION);
         let keys = shape.needs.iter().copied().map(needed).chain(further.map(optional)).collect();
         references.add(Kind { name: shape.name, meaning: shape.meaning, keys }, move |table, ability| {
@@ -114,6 +118,7 @@ pub fn register(registry: &mut Registry) {
                 optional("timing"),
                 optional("corner_m"),
                 optional("frame"),
+                optional("obstacles"),
             ]
             .into_iter()
             .chain(SPEEDS.map(optional))
@@ -300,9 +305,9 @@ fn is_free(table: &ReferenceTable) -> bool {
 
 /// Some headings, and speeds at the ends, come with the fastest motion alone.
 fn needs_fastest(table: &ReferenceTable, names: &[HeadingName]) -> Made<()> {
-    let mut speeds = SPEEDS.into_iter().zip([table.start_speed_m_s, table.end_speed_m_s]);
-    if let Some((key, _)) = speeds.find(|(_, speed)| speed.is_some()) {
-        let reason = "a way is passed with a speed of one's own by `timing = \"fastest\"` alone";
+    let given = [table.speed_m_s, table.turn_speed_rad_s, table.start_speed_m_s, table.end_speed_m_s];
+    if let Some((key, _)) = SPEEDS.into_iter().zip(given).find(|(_, speed)| speed.is_some()) {
+        let reason = "a motion has speeds of its own by `timing = \"fastest\"` alone";
         return Err(Problem::refused(key, reason).into());
     }
     if table.heading.is_some_and(|heading| names.contains(&heading)) {
@@ -321,7 +326,7 @@ fn freely<P: GeometricPath + Clone + Send + 'static>(
     ability: &Ability,
 ) -> Made<AnyTrajectory> {
     let ends_rad = [0.0, way.length()].map(|sigma| way.sample(sigma, 0.0)[2][0]);
-    let Ok(free) = FastestTrajectory::with_free_heading(unturned, ends_rad, &ability.bounds) else {
+    let Ok(free) = FastestTrajectory::with_free_heading(unturned, ends_rad, &*bounds(table, ability)?) else {
         return Ok(own);
     };
     // Its ends were sought at rest.
@@ -341,15 +346,33 @@ fn fastest(
     }
     let [start_m_s, end_m_s] =
         [table.start_speed_m_s, table.end_speed_m_s].map(|speed_m_s| speed_m_s.unwrap_or(0.0));
-    let motion = FastestTrajectory::passing(way, Passing { start_m_s, end_m_s }, &ability.bounds);
+    let motion = FastestTrajectory::passing(way, Passing { start_m_s, end_m_s }, &*bounds(table, ability)?);
     let motion = motion.map_err(|error| {
         let key = match error {
-            FastestError::NoSpeed { end, .. } | FastestError::OnTheSpot(end) => SPEEDS[end as usize],
+            FastestError::NoSpeed { end, .. } | FastestError::OnTheSpot(end) => SPEEDS[ENDS + end as usize],
             _ => "timing",
         };
         Problem::refused(key, error)
     })?;
     Ok(Box::new(motion))
+}
+
+/// What bounds the fastest motion of a table.
+fn bounds<'a>(table: &ReferenceTable, ability: &'a Ability) -> Made<Cow<'a, PlatformBounds>> {
+    let [speed_m_s, turn_speed_rad_s] = [table.speed_m_s, table.turn_speed_rad_s];
+    for (key, speed) in SPEEDS.into_iter().zip([speed_m_s, turn_speed_rad_s]) {
+        if let Some(found) = speed.filter(|speed| !(speed.is_finite() && *speed > 0.0)) {
+            return Err(Problem::refused(key, format!("expected a number above 0, found {found}")).into());
+        }
+    }
+    if speed_m_s.is_none() && turn_speed_rad_s.is_none() {
+        return Ok(Cow::Borrowed(&ability.bounds));
+    }
+    let mut bounds = ability.bounds.clone();
+    let limits = &mut bounds.limits;
+    limits.speed_m_s = limits.speed_m_s.min(speed_m_s.unwrap_or(f64::INFINITY));
+    limits.rate_rad_s = limits.rate_rad_s.min(turn_speed_rad_s.unwrap_or(f64::INFINITY));
+    Ok(Cow::Owned(bounds))
 }
 
 /// A motion that takes longer where the limits ask for it.
@@ -390,6 +413,7 @@ struct Tracked {
     passes_s: [Option<f64>; 2],
     planned_for: Option<PlannedFor>,
     frame: PathFrame,
+    keeps_path: bool,
     /// The trajectory's own first and last pose; without an end it has no last.
     first: Pose2,
     last: Option<Pose2>,
@@ -412,7 +436,8 @@ impl Tracked {
         let first = trajectory.sample(0.0).odom_from_base;
         let last = duration_s.is_finite().then(|| trajectory.sample(duration_s).odom_from_base);
         let (placed, frame) = (Some(Placed::new(trajectory)), table.frame.unwrap_or(PathFrame::Start));
-        Ok(Tracked { placed, correction, duration_s, passes_s, planned_for, frame, first, last })
+        let keeps_path = table.obstacles == Some(AtObstacles::Wait);
+        Ok(Tracked { placed, correction, duration_s, passes_s, planned_for, frame, keeps_path, first, last })
     }
 
     /// Where it begins from a pose.
@@ -466,6 +491,10 @@ impl Reference for Tracked {
 
     fn planned_for(&self) -> Option<PlannedFor> {
         self.planned_for
+    }
+
+    fn keeps_path(&self) -> bool {
+        self.keeps_path
     }
 
     fn start_pose(&self) -> Option<Pose2> {

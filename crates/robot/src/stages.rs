@@ -249,6 +249,11 @@ pub trait Reference: Send {
         None
     }
 
+    /// Whether obstacles make the platform wait on its path, and never leave it.
+    fn keeps_path(&self) -> bool {
+        false
+    }
+
     /// Where the platform must stand at the start, in odom; `None` where it begins wherever it stands.
     fn start_pose(&self) -> Option<Pose2> {
         None

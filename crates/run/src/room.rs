@@ -5,11 +5,13 @@ use std::path::Path;
 
 use omnibase_plan::map::Unknown;
 use omnibase_plan::{Cost, Footprint, Map, MapError, Plan, PlanError, Point, Space, Sweep, Task, Until};
-use omnibase_platform::Pose2;
+use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::config::{
-    BestWay, FencePlan, GuardPlan, Limits, MapTable, PathFrame, ReferenceTable, Timing, UnknownCells,
+    AtObstacles, BestWay, FencePlan, GuardPlan, Limits, MapTable, PathFrame, ReferenceTable, Timing,
+    UnknownCells,
 };
 use omnibase_robot::guard::Obstacle;
+use omnibase_robot::limiter::Limiter;
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Ability, Registry, RobotPlan};
 
@@ -26,6 +28,11 @@ const LONGEST_YAML: u64 = 64 * 1024;
 const LONGEST_IMAGE: u64 = 128 * 1024 * 1024;
 /// A kink that couldn't be bent is cut by at most this, m.
 const CORNER_M: f64 = 0.01;
+/// Parts of the platform's speeds with which a way is tried until every stop on it touches nothing.
+const SPEEDS: [f64; 6] = [1.0, 0.7, 0.5, 0.35, 0.2, 0.1];
+/// A stop is looked at in such steps, from every fourth of them on a way, s.
+const STOP_STEP_S: f64 = 0.01;
+const STOP_EVERY: u32 = 4;
 /// Rounding of a speed.
 const SPEED_ROUNDING: f64 = 1.001;
 /// Nearer points than this are one for the timing, m and rad.
@@ -57,6 +64,9 @@ pub struct WayRequest<'a> {
     pub to: Pose2,
     /// Obstacles as they are now.
     pub obstacles: &'a [Obstacle],
+    /// How far a place of the footprint may truly be from where it is believed to be, at one standard deviation, m: the guard keeps more
+    /// from obstacles for that.
+    pub spread_m: f64,
     /// The fence as it is now, in odom, m; no corners where there is none.
     pub fence_m: &'a [Point],
     /// Walls that were drawn, in odom, m.
@@ -105,6 +115,12 @@ pub enum RoomError {
     /// The timed motion isn't quite the way, or it can't be known beforehand.
     #[error("the way was found, but the motion along it touches what is in the way at x {:.3} m, y {:.3} m", at.x_m, at.y_m)]
     Touches {
+        /// Where.
+        at: Pose2,
+    },
+    /// Whoever is stopped on it goes straight on.
+    #[error("the way was found, but a stop on it touches what is in the way at x {:.3} m, y {:.3} m, however slowly it is gone along", at.x_m, at.y_m)]
+    StopTouches {
         /// Where.
         at: Pose2,
     },
@@ -210,7 +226,7 @@ impl Room {
         for obstacle in way.obstacles {
             // Nobody could begin inside what is kept.
             let near_m = self.gap_m(&way.from, obstacle) - self.clearance_m - 0.5 * map.cell_m;
-            let kept_m = (self.guard.distance_m + beside_m).max(0.0).min(near_m.max(0.0));
+            let kept_m = (self.kept_m(way.spread_m) + beside_m).max(0.0).min(near_m.max(0.0));
             map.block_circle(obstacle.centre_m, obstacle.radius_m + kept_m);
         }
         Ok(Space::new(map))
@@ -230,8 +246,13 @@ impl Room {
         (0..corners.len()).map(to_side).fold(f64::INFINITY, f64::min) - obstacle.radius_m
     }
 
-    /// Whether a way comes nearer to an obstacle than the robot keeps from it.
-    pub fn meets(&self, way: &[Pose2], obstacle: &Obstacle) -> bool {
+    /// What the guard keeps from an obstacle, m.
+    fn kept_m(&self, spread_m: f64) -> f64 {
+        self.guard.distance_m + self.guard.obstacle_sigmas * spread_m
+    }
+
+    /// Whether a way comes nearer to an obstacle than the robot keeps from it, whose pose is spread as [`WayRequest::spread_m`] says.
+    pub fn meets(&self, way: &[Pose2], obstacle: &Obstacle, spread_m: f64) -> bool {
         let holds = |pose: &Pose2| {
             let at = pose.inverse().then(Pose2::new(obstacle.centre_m[0], obstacle.centre_m[1], 0.0));
             let corners = self.footprint.corners_m();
@@ -240,7 +261,7 @@ impl Room {
                 (to[0] - from[0]) * (at.y_m - from[1]) - (to[1] - from[1]) * (at.x_m - from[0]) >= 0.0
             })
         };
-        way.iter().any(|pose| holds(pose) || self.gap_m(pose, obstacle) < self.guard.distance_m)
+        way.iter().any(|pose| holds(pose) || self.gap_m(pose, obstacle) < self.kept_m(spread_m))
     }
 
     fn open_floor(&self, way: &WayRequest<'_>) -> Result<Map, RoomError> {
@@ -280,8 +301,8 @@ impl Room {
         Ok(omnibase_plan::plan(&task)?)
     }
 
-    /// The best way in the shortest time that a robot can do it in, looked at again as it will be driven. A replay makes its table
-    /// into a motion by all that the robot can do: whoever drives it does, too.
+    /// The best way in the shortest time that a robot can do it in, looked at again as it will be driven, and as every stop leads straight on
+    /// from it. A replay makes its table into a motion by all that the robot can do: whoever drives it does, too.
     pub fn timed(
         &self,
         way: &WayRequest<'_>,
@@ -290,9 +311,30 @@ impl Room {
     ) -> Result<TimedWay, RoomError> {
         let space = self.space(way)?;
         let mut plan = self.plan(way, &space)?;
-        let begun = way.lead.first().copied().unwrap_or(way.from);
         plan.poses.splice(0..0, way.lead.iter().copied());
-        let table = table_of(&plan, &ability.limits);
+        let mut found = Err(PlanError::Ended.into());
+        for share in SPEEDS {
+            found = self.timed_at(share, way, &plan, &space, ability, registry);
+            if !matches!(found, Err(RoomError::StopTouches { .. })) {
+                break;
+            }
+        }
+        let (table, reference, duration_s) = found?;
+        Ok(TimedWay { plan, table, reference, duration_s })
+    }
+
+    /// A way in the shortest time with a part of the platform's speeds: its table, as a motion, and how long that takes, s.
+    fn timed_at(
+        &self,
+        share: f64,
+        way: &WayRequest<'_>,
+        plan: &Plan,
+        space: &Space,
+        ability: &Ability,
+        registry: &Registry,
+    ) -> Result<(ReferenceTable, Box<dyn Reference>, f64), RoomError> {
+        let begun = way.lead.first().copied().unwrap_or(way.from);
+        let table = table_of(plan, &ability.limits, share);
         let mut reference =
             registry.make_reference(&table, ability).map_err(|error| RoomError::Timing(error.to_string()))?;
         reference.start(&omnibase_robot::signals::Setpoint::at_rest(begun));
@@ -305,19 +347,67 @@ impl Room {
             let nowhere = Pose2 { x_m: f64::NAN, ..Pose2::default() };
             reference.preview(time_s).map_or(nowhere, |setpoint| setpoint.odom_from_body)
         };
-        let mut sweep = Sweep::new(&space, &self.footprint);
+        let mut sweep = Sweep::new(space, &self.footprint);
         if let Some(at) = sweep.touches([0.0, duration_s], fastest_m_s, &pose) {
             return Err(RoomError::Touches { at });
+        }
+        if let Some(at) = stop_touches(&*reference, duration_s, begun, limits, &mut |stop| {
+            let pose = |time_s: f64| at_time(stop, time_s);
+            sweep.touches([0.0, STOP_STEP_S * (stop.len() - 1) as f64], fastest_m_s, &pose)
+        }) {
+            return Err(RoomError::StopTouches { at });
         }
         if way.until.is_over() {
             return Err(PlanError::Ended.into());
         }
-        Ok(TimedWay { plan, table, reference, duration_s })
+        Ok((table, reference, duration_s))
     }
 }
 
-/// A way as a reference's table: its points' times are those of half the speed, and don't count.
-fn table_of(plan: &Plan, limits: &Limits) -> ReferenceTable {
+/// Where a stop from somewhere on a motion touches anything, by what looks at a stop: its poses, step by step. It is made as the robot
+/// makes it.
+fn stop_touches(
+    reference: &dyn Reference,
+    duration_s: f64,
+    begun: Pose2,
+    limits: &Limits,
+    touches: &mut dyn FnMut(&[Pose2]) -> Option<Pose2>,
+) -> Option<Pose2> {
+    let mut limiter = Limiter::new(limits, STOP_STEP_S).ok()?;
+    limiter.reset(begun);
+    let mut poses = Vec::new();
+    for number in 1..=(duration_s / STOP_STEP_S).ceil() as u32 {
+        limiter.follow(&reference.preview(STOP_STEP_S * f64::from(number))?);
+        if !number.is_multiple_of(STOP_EVERY) {
+            continue;
+        }
+        poses.clear();
+        poses.push(limiter.setpoint().odom_from_body);
+        let mut stopping = limiter.clone();
+        while !stopping.is_at_rest() {
+            poses.push(stopping.toward(Twist2::default()).odom_from_body);
+        }
+        if let Some(at) = touches(&poses) {
+            return Some(at);
+        }
+    }
+    None
+}
+
+/// A pose between those of steps.
+fn at_time(poses: &[Pose2], time_s: f64) -> Pose2 {
+    let step = (time_s / STOP_STEP_S).max(0.0);
+    let at = (step as usize).min(poses.len() - 1);
+    let (from, to, part) = (poses[at], poses[(at + 1).min(poses.len() - 1)], step - at as f64);
+    Pose2 {
+        x_m: from.x_m + part * (to.x_m - from.x_m),
+        y_m: from.y_m + part * (to.y_m - from.y_m),
+        heading_rad: from.heading_rad + part * (to.heading_rad - from.heading_rad),
+    }
+}
+
+/// A way as a reference's table, gone along with a part of the platform's speeds at most: its points' times are those of half the speed, and don't count.
+fn table_of(plan: &Plan, limits: &Limits, share: f64) -> ReferenceTable {
     let mut points: Vec<[f64; 4]> = Vec::with_capacity(plan.poses.len());
     let mut time_s = 0.0;
     for (number, pose) in plan.poses.iter().enumerate() {
@@ -338,6 +428,9 @@ fn table_of(plan: &Plan, limits: &Limits) -> ReferenceTable {
         timing: Some(Timing::Fastest),
         corner_m: Some(CORNER_M),
         frame: Some(PathFrame::Odom),
+        obstacles: Some(AtObstacles::Wait),
+        speed_m_s: (share < 1.0).then_some(share * limits.speed_m_s),
+        turn_speed_rad_s: (share < 1.0).then_some(share * limits.turn_speed_rad_s),
         ..ReferenceTable::default()
     }
 }
@@ -367,5 +460,67 @@ mod tests {
             read(b"image: map.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n"),
             "map.file /map.yaml: map.pgm: expected at most 134217728 bytes, found more"
         );
+    }
+
+    /// From the origin to (2.7, 1.0) through a door in a wall at x = 1.2 m to 1.3 m, so wide, m.
+    fn through_a_door(width_m: f64) -> (Ability, TimedWay) {
+        let registry = Registry::with_built_in();
+        let [low, high] = [1.0 - 0.5 * width_m, 1.0 + 0.5 * width_m];
+        let footprint =
+            "layout = \"bmm\"\nfootprint_m = [[0.5, -0.25], [0.5, 0.25], [-0.5, 0.25], [-0.5, -0.25]]";
+        let bmm = include_str!("../../../robots/bmm.toml").replace("layout = \"bmm\"", footprint);
+        let walls = format!(
+            "[map]\nblocked_m = [[[1.2, -5.0], [1.3, -5.0], [1.3, {low}], [1.2, {low}]],\
+             [[1.2, {high}], [1.3, {high}], [1.3, 5.0], [1.2, 5.0]]]\n"
+        );
+        let plan = RobotPlan::from_toml(&format!("{bmm}\n{walls}"), &registry, &|_| Err(String::new()));
+        let plan = plan.unwrap();
+        let (room, ability) = (Room::of(&plan, Path::new("")).unwrap(), Ability::of(&plan));
+        let way = WayRequest {
+            from: Pose2::default(),
+            lead: &[],
+            to: Pose2::new(2.7, 1.0, 0.0),
+            obstacles: &[],
+            spread_m: 0.0,
+            fence_m: &[],
+            walls_m: &[],
+            best: BestWay::Shortest,
+            until: Until::default(),
+        };
+        let timed = room.timed(&way, &ability, &registry).unwrap();
+        (ability, timed)
+    }
+
+    #[test]
+    fn a_way_is_so_slow_that_no_stop_on_it_leads_into_a_wall() {
+        for (width_m, is_slow) in [(2.4, false), (0.7, true)] {
+            let (Ability { limits, .. }, timed) = through_a_door(width_m);
+            assert_eq!(timed.table.speed_m_s.is_some(), is_slow, "{width_m} m");
+            let jambs = [1.2, 1.3].map(|x| [-0.5, 0.5].map(|share| [x, 1.0 + share * width_m]));
+            for step in 0..=(timed.duration_s / 0.01) as u32 {
+                let at = timed.reference.preview(0.01 * f64::from(step)).unwrap();
+                let (pose, twist) = (at.odom_from_body, at.twist_in_odom);
+                // With all of both accelerations at once: no stop is shorter.
+                let straight_s = twist.speed_m_s() / limits.acceleration_m_s2;
+                let turning_s = twist.w_rad_s.abs() / limits.turn_acceleration_rad_s2;
+                for share in [0.25, 0.5, 0.75, 1.0] {
+                    let time_s = share * straight_s.max(turning_s);
+                    let of = |whole_s: f64| {
+                        time_s.min(whole_s) * (1.0 - 0.5 * time_s.min(whole_s) / whole_s.max(1e-9))
+                    };
+                    let [along_s, round_s] = [straight_s, turning_s].map(of);
+                    let stopping = Pose2 {
+                        x_m: pose.x_m + along_s * twist.vx_m_s,
+                        y_m: pose.y_m + along_s * twist.vy_m_s,
+                        heading_rad: pose.heading_rad + round_s * twist.w_rad_s,
+                    };
+                    for [x, y] in jambs.into_iter().flatten() {
+                        let seen = stopping.inverse().then(Pose2::new(x, y, 0.0));
+                        let is_off = seen.x_m.abs() > 0.5 || seen.y_m.abs() > 0.25;
+                        assert!(is_off, "{width_m} m wide: a stop from {pose:?} leads into the door");
+                    }
+                }
+            }
+        }
     }
 }

@@ -84,7 +84,8 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     let since = computed();
     let is_over = || computed().saturating_sub(since) >= arguments.within;
     let until = Until::over(&is_over);
-    let way = WayRequest { from, lead: &[], to, obstacles, fence_m, walls_m: &[], best, until };
+    let way =
+        WayRequest { from, lead: &[], to, obstacles, spread_m: 0.0, fence_m, walls_m: &[], best, until };
     let begun = Instant::now();
     let looked = meanwhile("looking for a way", || room.timed(&way, &Ability::of(&robot), registry));
     let mut timed = match looked {

@@ -72,6 +72,12 @@ pub struct ReferenceTable {
     /// How far the fastest way through points may cut their corners, m; default: 0, it stops at them.
     #[schemars(extend("minimum" = 0.0))]
     pub corner_m: Option<f64>,
+    /// Greatest speed of the fastest motion, m/s; default: the platform's.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub speed_m_s: Option<f64>,
+    /// Greatest speed with which it turns, rad/s; default: the platform's.
+    #[schemars(extend("exclusiveMinimum" = 0.0))]
+    pub turn_speed_rad_s: Option<f64>,
     /// Speed with which the fastest motion passes the start of its way, m/s; a run from rest leads onto it; default: 0, it rests there.
     #[schemars(extend("minimum" = 0.0))]
     pub start_speed_m_s: Option<f64>,
@@ -80,6 +86,8 @@ pub struct ReferenceTable {
     pub end_speed_m_s: Option<f64>,
     /// Where its coordinates begin; default: `start`.
     pub frame: Option<PathFrame>,
+    /// What obstacles in its way make the platform do, where it is `guarded`; default: `go_around`.
+    pub obstacles: Option<AtObstacles>,
     /// The reference's own keys.
     pub custom: Parameters,
 }
@@ -122,6 +130,16 @@ pub enum PathFrame {
     Odom,
     /// It begins where the platform stands, and goes on in the platform's axes: along x is forward, however it has turned.
     Platform,
+}
+
+/// What obstacles in the way of a motion make the platform do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "snake_case")]
+pub enum AtObstacles {
+    /// It leaves its path, goes around them, and comes back.
+    GoAround,
+    /// It waits before them on its path, which it never leaves for them: what else is in the way, only who planned it knows.
+    Wait,
 }
 
 /// What joins path points.

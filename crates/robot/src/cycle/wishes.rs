@@ -86,7 +86,7 @@ impl Robot {
                 guarded(Drive::Toward(wished.twist_in_odom))
             }
             Phase::Tracking => {
-                let followed = guarded(Drive::Follow(&wished, self.motion.bound()));
+                let followed = guarded(Drive::Follow(&self.motion.followed(&wished)));
                 let is_hindered = self.guard.limited_by() != LimitedBy::Nothing;
                 self.motion.note(&wished, &followed, is_hindered);
                 followed

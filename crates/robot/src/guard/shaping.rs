@@ -132,6 +132,16 @@ impl Constraints {
         })
     }
 
+    /// The greatest part of a speed that they all leave, and what leaves no more.
+    fn part(&self, speed: &Twist2) -> (f64, LimitedBy) {
+        self.all().iter().fold((1.0, LimitedBy::Nothing), |least, constraint| {
+            let towards = dot(constraint.normal, [speed.vx_m_s, speed.vy_m_s]);
+            let towards = towards + speed.w_rad_s * constraint.moment_m;
+            let most = constraint.most_m_s.max(0.0);
+            if towards * least.0 > most { (most / towards, constraint.by) } else { least }
+        })
+    }
+
     /// What they leave of speeds while the body turns so fast.
     fn at_turn(&self, w_rad_s: f64) -> Speeds<'_> {
         let leaving = Some(self.planes(w_rad_s, f64::NEG_INFINITY));
@@ -186,6 +196,12 @@ impl Guard {
             self.detour_is_free();
             return Shaped { twist: wish, away: Twist2::default(), by };
         }
+        if let Some(own) = self.path_kept(drive) {
+            self.detour_is_free();
+            self.waiting_rate = constraints.part(&own).0;
+            let (part, by) = constraints.part(&wish);
+            return Shaped { twist: wish.scaled(part), away: Twist2::default(), by };
+        }
         let wished = [wish.vx_m_s, wish.vy_m_s];
         let w_rad_s = constraints.turn(wish.w_rad_s);
         let mut speeds = constraints.at_turn(w_rad_s);
@@ -196,7 +212,7 @@ impl Guard {
         if let Some(first) = constraints.all().iter().find(is_against) {
             by = first.by;
         }
-        if let Drive::Follow(..) = drive
+        if let Drive::Follow(_) = drive
             && self.avoidance == AvoidanceKind::Guarded
         {
             speed = self.around(here, &constraints, &mut speeds, wished, speed, w_rad_s);
@@ -241,8 +257,12 @@ impl Guard {
         self.limits.speed_m_s + self.outline.reach_m() * self.limits.turn_speed_rad_s
     }
 
-    /// What is kept more than must be, m.
-    fn buffer_m(&self) -> f64 {
+    /// What is kept more than must be, m. Who keeps a path doesn't slide along anything.
+    fn buffer_m(&self, drive: Drive<'_>) -> f64 {
+        if self.path_kept(drive).is_some() { BUFFER_M[0] } else { self.most_buffer_m() }
+    }
+
+    fn most_buffer_m(&self) -> f64 {
         (BUFFER_M[0] + self.braking.greatest_bend_m()).min(BUFFER_M[1])
     }
 
@@ -250,7 +270,7 @@ impl Guard {
     pub(super) fn far_m(&self, here: &Setpoint, comes_m_s: f64) -> f64 {
         let stop_s = if comes_m_s > 0.0 { self.braking.stop(here.twist_in_odom.speed_m_s()).1 } else { 0.0 };
         let approach_m = self.braking.approach_way_m(self.fastest_m_s() + comes_m_s, self.outline.reach_m());
-        FAR * (self.buffer_m() + comes_m_s * stop_s + approach_m)
+        FAR * (self.most_buffer_m() + comes_m_s * stop_s + approach_m)
     }
 
     /// The greatest speed towards something with so much more room than is needed, m/s.
@@ -264,9 +284,9 @@ impl Guard {
     fn keep_inside(&self, constraints: &mut Constraints, drive: Drive<'_>, now: &Now, towards: &Towards) {
         let Some((_, fence)) = &self.fence else { return };
         let (body, origin) = (self.outline.at(now.place), now.place.origin);
-        let need_m = now.fence_need_m.standing_m + self.buffer_m();
+        let need_m = now.fence_need_m.standing_m + self.buffer_m(drive);
         // A plan from where there is too little room gains it on its own path.
-        let keeps_its_path = matches!(drive, Drive::Follow(..)) && now.is_too_near_the_fence();
+        let keeps_its_path = matches!(drive, Drive::Follow(_)) && now.is_too_near_the_fence();
         let least_m_s = if keeps_its_path { 0.0 } else { f64::NEG_INFINITY };
         let most_m_s = |distance_m: f64| self.most_m_s(distance_m - need_m, towards).max(least_m_s);
         let approach_m = self.braking.approach_way_m(towards.fastest_m_s, self.outline.reach_m());
@@ -325,7 +345,7 @@ impl Guard {
         towards: &Towards,
     ) {
         let (body, origin) = (self.outline.at(now.place), now.place.origin);
-        let need_m = now.obstacle_need_m.standing_m + self.buffer_m();
+        let need_m = now.obstacle_need_m.standing_m + self.buffer_m(drive);
         let (_, stop_s) = self.braking.stop(here.twist_in_odom.speed_m_s());
         for (obstacle, room_m) in self.obstacles.iter().zip(now.obstacles_m) {
             let Some(obstacle) = obstacle.filter(|_| room_m < f64::INFINITY) else { continue };
@@ -333,8 +353,8 @@ impl Guard {
             // While the platform stops, an obstacle that comes nearer comes nearer.
             let comes = (-dot(normal, obstacle.velocity_m_s)).max(0.0);
             let mut most_m_s = self.most_m_s(room_m - need_m - comes * stop_s, towards);
-            if matches!(drive, Drive::Follow(..)) {
-                // A plan gives way; a person's speed is only held back.
+            if matches!(drive, Drive::Follow(_)) && self.path_kept(drive).is_none() {
+                // A plan gives way; a person's speed, or who keeps a path, is only held back.
                 most_m_s -= comes;
             } else if comes > 0.0 {
                 most_m_s = (most_m_s - comes).max(most_m_s.min(0.0));
@@ -418,7 +438,10 @@ impl Guard {
         let around = plus(origin, obstacle.centre_m, -1.0);
         let wished = [wish.vx_m_s, wish.vy_m_s];
         let way = match drive {
-            Drive::Follow(plan, _) => plus([plan.odom_from_body.x_m, plan.odom_from_body.y_m], origin, -1.0),
+            Drive::Follow(plan) => {
+                let place = plan.wished.odom_from_body;
+                plus([place.x_m, place.y_m], origin, -1.0)
+            }
             Drive::Toward(_) => wished,
             Drive::Stop => return None,
         };

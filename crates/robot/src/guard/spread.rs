@@ -9,8 +9,14 @@
 
 use omnibase_platform::PoseGrowth;
 
-use super::shape::length;
+use super::shape::{Point, length};
 use crate::signals::PlatformState;
+
+/// How far a place of a footprint, its corners in m, may truly be from where it is believed to be, at one standard deviation, m.
+pub fn spread_m(state: &PlatformState, footprint_m: &[Point]) -> f64 {
+    let reach_m = footprint_m.iter().map(|corner| length(*corner)).fold(0.0, f64::max);
+    Spread::of(state).at_m(reach_m)
+}
 
 /// A way that is still to be driven until the platform stands.
 #[derive(Clone, Copy, Debug, Default)]

@@ -386,6 +386,8 @@ fn numbers_that_are_none_end_in_the_stop_that_was_let_through() {
         for _ in 0..500 {
             let mut state = PlatformState { odom_from_body: bench.pose(), ..Default::default() };
             let mut wished = Setpoint::at_rest(Pose2::new(5.0, 0.0, 0.0));
+            let most = SpeedBound { speed_m_s: 1.0, turn_speed_rad_s: 1.0 };
+            let mut followed = Followed { wished, most, on_path: None };
             let drive = match case {
                 0 => Drive::Toward(Twist2::new(nan, 0.0, 0.0)),
                 1 => Drive::Toward(Twist2::new(0.8, 0.0, f64::INFINITY)),
@@ -395,7 +397,8 @@ fn numbers_that_are_none_end_in_the_stop_that_was_let_through() {
                 }
                 _ => {
                     wished.odom_from_body.x_m = nan;
-                    Drive::Follow(&wished, SpeedBound { speed_m_s: 1.0, turn_speed_rad_s: 1.0 })
+                    followed.wished = wished;
+                    Drive::Follow(&followed)
                 }
             };
             bench.guard.step(&mut bench.limiter, drive, &state);

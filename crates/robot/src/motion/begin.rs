@@ -117,7 +117,7 @@ impl Motion {
     }
 
     /// Whether the reference is followed, or will be.
-    fn needs_reference(&self) -> bool {
+    pub(super) fn needs_reference(&self) -> bool {
         match self.course {
             Course::Reference => true,
             Course::Way => self.way.then != Then::Rests,

@@ -26,7 +26,8 @@ impl Motion {
             Course::Way => matches!(self.way.then, Then::Joins { .. }),
             Course::Velocity | Course::Onto => false,
         };
-        if !follows || self.is_hindered || !self.was_hindered {
+        // No plan leads back onto a path that is kept: it would cut its bends.
+        if !follows || self.keeps_path() || self.is_hindered || !self.was_hindered {
             self.catch_up = CatchUp::default();
             return;
         }

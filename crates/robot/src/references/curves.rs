@@ -17,7 +17,7 @@ pub(super) const TURN_COUNTS_M: f64 = 0.02;
 
 /// Registers them.
 pub(super) fn register(registry: &mut Registry) {
-    let further = ["heading", "timing", "corner_m", "frame"];
+    let further = ["heading", "timing", "corner_m", "frame", "obstacles"];
     let keys = |own: &[crate::registry::Key]| {
         let further = further.into_iter().chain(SPEEDS).chain(CORRECTION).map(optional);
         own.iter().cloned().chain(further).collect()

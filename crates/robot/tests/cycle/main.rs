@@ -26,6 +26,7 @@ mod stops;
 mod support;
 mod torque;
 mod tracking;
+mod waiting;
 
 use omnibase_host::CountingAllocator;
 

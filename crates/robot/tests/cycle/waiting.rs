@@ -1,0 +1,108 @@
+//! Paths that are never left for what stands in them: the platform waits on the path, and goes on along it.
+
+use omnibase_platform::Pose2;
+use omnibase_robot::guard::Obstacle;
+use omnibase_robot::signals::{CycleRecord, SafetyReason};
+use omnibase_robot::{Phase, RequestKind};
+
+use super::support::{BMM, Bench, plan};
+
+/// Round two corners, as fast as the limits allow; walls may stand beside it.
+const PATH: &str = "[avoidance]\nkind = \"guarded\"\ngive_up_s = 2.0\n[reference]\nkind = \"path\"\ntiming = \"fastest\"\n\
+    corner_m = 0.1\npoints = [[0, 0, 0, 0], [4, 2, 0, 0], [8, 2, 2, 1.5], [12, 0, 2, 1.5]]\nobstacles = \"wait\"\n";
+/// Farther than this from its path nobody is on it, m.
+const ON_PATH_M: f64 = 0.02;
+const RADIUS_M: f64 = 0.2;
+
+fn begun() -> Bench {
+    let mut bench = Bench::new(plan(&format!("{BMM}\n{PATH}")));
+    bench.enable();
+    bench.step(Some(RequestKind::Track));
+    bench
+}
+
+/// Where it is led along its path, cycle by cycle, with nothing in the way.
+fn undisturbed() -> Vec<Pose2> {
+    let mut bench = begun();
+    let mut poses = Vec::new();
+    while bench.robot.phase() == Phase::Tracking {
+        poses.push(bench.step(None).setpoint.odom_from_body);
+    }
+    poses
+}
+
+fn off_path_m(path: &[Pose2], record: &CycleRecord) -> f64 {
+    let here = record.setpoint.odom_from_body;
+    let off_m = |pose: &Pose2| here.distance_m(*pose) + 0.4 * (here.heading_rad - pose.heading_rad).abs();
+    path.iter().map(off_m).fold(f64::INFINITY, f64::min)
+}
+
+fn put(bench: &mut Bench, centre: &Pose2) {
+    let obstacle =
+        Obstacle { centre_m: [centre.x_m, centre.y_m], radius_m: RADIUS_M, velocity_m_s: [0.0; 2] };
+    bench.step(Some(RequestKind::SetObstacle { index: 0, obstacle }));
+}
+
+#[test]
+fn whatever_comes_onto_a_path_that_is_kept_the_platform_waits_on_it_and_goes_on() {
+    let path = undisturbed();
+    assert!(path.last().unwrap().distance_m(Pose2::new(0.0, 2.0, 1.5)) < 1e-3);
+    let (mut stood, mut worst_m) = (0, 0.0_f64);
+    for (share, ahead_m, aside_m) in (1..9).flat_map(|share| {
+        [1.2, 1.35, 1.6]
+            .into_iter()
+            .flat_map(move |ahead_m| [-0.3, 0.0, 0.3].map(|aside_m| (share, ahead_m, aside_m)))
+    }) {
+        let mut bench = begun();
+        let cycles = path.len() * share / 10;
+        let mut off_m = (0..cycles).map(|_| off_path_m(&path, &bench.step(None))).fold(0.0, f64::max);
+        // Somewhere on the way that is left, farther than a stop is long, or past it.
+        let here = path[cycles];
+        let mut ahead = path[cycles..].iter().skip_while(|pose| pose.distance_m(here) < ahead_m);
+        let Some(place) = ahead.next() else { continue };
+        let along = (place.y_m - here.y_m).atan2(place.x_m - here.x_m);
+        let centre = Pose2::new(place.x_m - aside_m * along.sin(), place.y_m + aside_m * along.cos(), 0.0);
+        put(&mut bench, &centre);
+        let what = format!("{share}, {ahead_m} m, {aside_m} m");
+        let mut stands = false;
+        for cycle in 0..20_000 {
+            let record = bench.step(None);
+            off_m = off_m.max(off_path_m(&path, &record));
+            if bench.robot.phase() != Phase::Tracking {
+                break;
+            }
+            stands |= cycle > 100 && record.setpoint.twist_in_odom.speed_m_s() < 1e-3;
+            if stands && record.guard.obstacle_distance_m.is_some() {
+                bench.step(Some(RequestKind::RemoveObstacle { index: 0 }));
+            }
+        }
+        stood += u32::from(stands);
+        let record = bench.step(None);
+        assert_eq!(record.stop_reason, SafetyReason::None, "{what}");
+        let lacks_m = record.setpoint.odom_from_body.distance_m(*path.last().unwrap());
+        assert!(lacks_m < 2e-3, "{what}: {lacks_m} m from its end");
+        assert!(off_m < ON_PATH_M, "{what}: {off_m} m off its path");
+        worst_m = worst_m.max(off_m);
+    }
+    println!("off its path at most {worst_m:.4} m; it stood {stood} times");
+    assert!(stood > 20, "{stood}");
+}
+
+#[test]
+fn what_stays_in_a_path_that_is_kept_ends_it_on_the_path() {
+    let path = undisturbed();
+    let mut bench = begun();
+    put(&mut bench, &Pose2::new(2.0, 1.2, 0.0));
+    let mut off_m = 0.0_f64;
+    let mut nearest_m = f64::INFINITY;
+    while bench.robot.phase() == Phase::Tracking {
+        let record = bench.step(None);
+        off_m = off_m.max(off_path_m(&path, &record));
+        nearest_m = nearest_m.min(record.guard.obstacle_distance_m.unwrap());
+    }
+    let record = bench.run(2000);
+    assert_eq!((record.phase, record.stop_reason), (Phase::Holding, SafetyReason::WayBlocked));
+    assert!(off_m < ON_PATH_M && off_path_m(&path, &record) < ON_PATH_M, "{off_m} m off its path");
+    // As near as is kept, and hardly farther.
+    assert!((0.099..0.2).contains(&nearest_m), "{nearest_m} m");
+}
