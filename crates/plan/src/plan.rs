@@ -154,8 +154,8 @@ impl std::fmt::Display for End {
     }
 }
 
-/// A disc's way may be longer than the way of the disc that each heading covers, before it is worth turning.
-const LONGER: f64 = 1.01;
+/// A disc's way may be longer than the way of the disc that each heading covers, before it is worth turning. That is known to half a hundredth.
+const LONGER: f64 = 1.005;
 /// A footprint whose farthest corner is by no larger part farther than its nearest side is nearly a disc.
 const NEARLY_DISC: f64 = 0.1;
 /// Beside the cells that count the clearance is known by as much more, so that ridges are seen, in cells.
@@ -262,19 +262,22 @@ impl<'a> Planner<'a> {
         let gaps = Gaps::new(space, &clearance, outer as f32, outer as f32, &ends);
         let disc = self.disc_way(&Search::through(space, &gaps, outer_m).until(until));
         drop(gaps);
-        if let Some(way) =
-            disc.as_ref().filter(|way| !is_shortest || self.is_near_straight(way, outer_m, inner_m))
+        // How long a way is, is known once it is drawn taut.
+        let disc = disc.map(|way| self.finished(way, By::Disc));
+        let is_nearly_disc = outer_m - inner_m <= NEARLY_DISC * inner_m;
+        let straight_m = self.task.from.distance_m(self.task.to);
+        if let Some(plan) = disc
+            .as_ref()
+            .filter(|plan| !is_shortest || is_nearly_disc || plan.length_m <= LONGER * straight_m)
         {
-            return Ok(self.finished(way.clone(), By::Disc));
+            return Ok(plan.clone());
         }
         // No way is shorter than that of the disc which every heading covers.
         let gaps = Gaps::new(space, &clearance, inner as f32, outer.min(inner + RIDGE_CELLS) as f32, &[]);
         let search = Search::through(space, &gaps, inner_m).until(until);
         let least = self.least_way(&search, &Search::new(space, &clearance, inner_m).until(until), inner_m);
         match disc {
-            Some(way) if least.as_ref().is_ok_and(|least| length(&way) <= LONGER * least + 1.0) => {
-                Ok(self.finished(way, By::Disc))
-            }
+            Some(plan) if least.as_ref().is_ok_and(|least_m| plan.length_m <= LONGER * least_m) => Ok(plan),
             disc => {
                 if disc.is_none() {
                     least?;
@@ -289,22 +292,14 @@ impl<'a> Planner<'a> {
                     }
                     None => Vec::new(),
                 };
-                // How long a way is, is known once it is drawn taut.
                 let turning = ways.iter().map(|places| {
                     let way = self.turned(places);
                     self.finished(way, By::Turning)
                 });
-                let mut plans: Vec<Plan> = turning.collect();
-                plans.extend(disc.map(|way| self.finished(way, By::Disc)));
-                plans.into_iter().min_by(|a, b| a.length_m.total_cmp(&b.length_m)).ok_or(PlanError::NoTurn)
+                let plans = turning.chain(disc);
+                plans.min_by(|a, b| a.length_m.total_cmp(&b.length_m)).ok_or(PlanError::NoTurn)
             }
         }
-    }
-
-    /// Whether turning could hardly make a disc's way shorter: it is nearly straight, or the footprint is nearly a disc.
-    fn is_near_straight(&self, way: &[Pose2], outer_m: f64, inner_m: f64) -> bool {
-        let straight = self.ends[0].distance_m(self.ends[1]);
-        outer_m - inner_m <= NEARLY_DISC * inner_m || length(way) <= LONGER * straight + 1.0
     }
 
     /// The cell from which a disc's way begins or ends.
@@ -366,7 +361,7 @@ impl<'a> Planner<'a> {
         Some(poses)
     }
 
-    /// The length in cells of the way of the disc that every heading covers, or why there is none.
+    /// The length of the way of the disc that every heading covers, m, with what leads to the ends, or why there is none.
     fn least_way(
         &self,
         search: &Search<'_>,
@@ -383,7 +378,15 @@ impl<'a> Planner<'a> {
         if let (Some(from), Some(to)) = (open(cells[0]), open(cells[1]))
             && let Some(way) = search.shortest(from, to)
         {
-            return Ok(search.length(&way));
+            let places = way.iter().skip(1).take(way.len().saturating_sub(2)).map(|cell| {
+                let [x, y] = search.place(*cell).map(|at| f64::from(at) + 0.5);
+                Pose2::new(x, y, 0.0)
+            });
+            let [first, last] = self.tips;
+            let ends = self.ends.map(Some);
+            let begin = [first, ends[0]].into_iter().flatten();
+            let way: Vec<Pose2> = begin.chain(places).chain([ends[1], last].into_iter().flatten()).collect();
+            return Ok(length(&way) * map.cell_m);
         }
         // Between centres there may be one cell more.
         let widest_m = (2.0 * f64::from(by_centres.widest(cells[0], cells[1])) + 1.0) * map.cell_m;

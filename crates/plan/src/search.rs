@@ -52,7 +52,12 @@ impl<'a> Search<'a> {
         Search { until, ..self }
     }
 
-    pub(crate) fn queue(&self) -> Queue<'a> {
+    /// Whether whoever waits ends it.
+    pub(crate) fn is_over(&self) -> bool {
+        self.until.is_over()
+    }
+
+    pub(crate) fn queue<T: Copy>(&self) -> Queue<'a, T> {
         Queue::new(self.until)
     }
 

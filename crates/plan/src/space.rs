@@ -1,6 +1,7 @@
 //! A map in which footprints are looked for: exact, row by row.
 
 use std::borrow::Cow;
+use std::ops::Range;
 
 use omnibase_platform::Pose2;
 
@@ -23,6 +24,10 @@ const NEARLY_DISC: f64 = 0.9;
 
 /// So much farther than it reaches a disc is looked at, in cells: what is seen needn't be looked at again.
 const FARTHER: f64 = 1.0;
+/// Discs that cover an outline together lie apart by this part of its width.
+const APART: f64 = 0.5;
+/// And are so many at most: very long ones are covered by larger discs.
+const MOST_DISCS: f64 = 16.0;
 
 /// A map with what makes looking fast. Beyond its borders everything is in the way.
 #[derive(Clone, Debug)]
@@ -31,10 +36,9 @@ pub struct Space {
     pub map: Map,
     /// From each cell's centre to the nearest square in the way, in cells.
     clearance: Vec<f32>,
-    /// How many cells before each one of its row are in the way, or touched by a polygon that is; a row has one more than cells.
+    /// How many cells beside polygons are in the way before each one, in its row and those below: a row has one more than cells, and there is one
+    /// row more.
     counts: Vec<u32>,
-    /// The same beside polygons, where there are any.
-    beside_solids: Option<Vec<u32>>,
     /// Whether any cell is in the way beside polygons.
     has_cells: bool,
     /// Which polygons may be the nearest.
@@ -52,6 +56,9 @@ pub struct Checker<'a> {
     /// From base_link to its nearest side, in cells, 0 where that isn't inside.
     inner: f64,
     is_nearly_disc: bool,
+    /// Middles of discs that cover it together, and the radius of all, in cells.
+    cover: Vec<Point>,
+    cover_radius: f64,
     /// How far points may move from one look to the next, in cells.
     step: f64,
     rows: Vec<[f64; 2]>,
@@ -65,12 +72,11 @@ impl Space {
     pub fn new(map: Map) -> Space {
         let width = map.width;
         let touched = map.touched();
-        let (clearance, counts) = (clearance_of(&touched, width), counts_of(&touched, width));
-        let beside_solids = (!map.solids.is_empty()).then(|| counts_of(&map.blocked, width));
+        let (clearance, counts) = (clearance_of(&touched, width), counts_of(&map.blocked, width));
         drop(touched);
         let has_cells = map.blocked.contains(&true);
         let tiles = Tiles::new(&map);
-        Space { map, clearance, counts, beside_solids, has_cells, tiles }
+        Space { map, clearance, counts, has_cells, tiles }
     }
 
     /// The clearance, with polygons as they are where a radius in this range, in cells, depends on it: the squares that they touch come nearer
@@ -97,13 +103,13 @@ impl Space {
     pub(crate) fn distance(&self, [x, y]: Point, most: f64) -> f64 {
         let (width, height) = (self.map.width, self.map.height);
         let mut near = most.min(x).min(y).min(width as f64 - x).min(height as f64 - y).max(0.0);
-        let counts = self.beside_solids.as_ref().unwrap_or(&self.counts);
         let rows = (y - near).max(0.0) as usize..up(y + near).min(height);
-        for row in if self.has_cells { rows } else { 0..0 } {
+        let are_free = !self.has_cells || self.are_free([(x - near).max(0.0), x + near], rows.clone());
+        for row in if are_free { 0..0 } else { rows } {
             let off = (row as f64 - y).max(y - row as f64 - 1.0).max(0.0);
             let half = (near * near - off * off).max(0.0).sqrt();
             let range = [(x - half).max(0.0), x + half];
-            if self.is_row_free(counts, row, range) {
+            if self.are_free(range, row..row + 1) {
                 continue;
             }
             for column in range[0] as usize..up(range[1]).min(width) {
@@ -136,12 +142,15 @@ impl Space {
         // Most that touch nothing are told by the disc around them.
         let inner = (footprint.inner_radius_m() + room_m) / cell_m;
         let is_nearly_disc = inner >= NEARLY_DISC * reach;
+        let (cover, cover_radius) = covering(&outline);
         Checker {
             space: self,
             outline,
             reach,
             inner,
             is_nearly_disc,
+            cover,
+            cover_radius,
             step: step_m / cell_m,
             rows: Vec::new(),
             #[cfg(test)]
@@ -154,13 +163,16 @@ impl Space {
         self.least_clearance([pose.x_m, pose.y_m]).unwrap_or(0.0).max(0.0)
     }
 
-    /// Whether a row has anything in the way between two coordinates.
-    fn is_row_free(&self, counts: &[u32], row: usize, [from, to]: [f64; 2]) -> bool {
+    /// Whether nothing but polygons is in the way between two coordinates along x, in these rows.
+    fn are_free(&self, [from, to]: [f64; 2], rows: Range<usize>) -> bool {
         let width = self.map.width;
         let first = (from + TOUCH) as usize;
         let end = up(to - TOUCH).min(width);
-        let counts = &counts[row * (width + 1)..(row + 1) * (width + 1)];
-        end <= first || counts[end] == counts[first]
+        let [below, above] = [rows.start, rows.end].map(|row| {
+            let counts = &self.counts[row * (width + 1)..(row + 1) * (width + 1)];
+            if end > first { counts[end] - counts[first] } else { 0 }
+        });
+        above == below
     }
 
     /// A place's clearance is at least this, in cells; `None` beyond the borders.
@@ -172,8 +184,9 @@ impl Space {
         if column >= self.map.width || row >= self.map.height {
             return None;
         }
-        let off = (x - column as f64 - 0.5).hypot(y - row as f64 - 0.5);
-        Some(f64::from(self.clearance[row * self.map.width + column]) - off)
+        let off = [x - column as f64 - 0.5, y - row as f64 - 0.5];
+        let room = f64::from(self.clearance[row * self.map.width + column]);
+        Some(room - (off[0] * off[0] + off[1] * off[1]).sqrt())
     }
 }
 
@@ -200,6 +213,7 @@ impl<'a> Checker<'a> {
         let outline: Vec<Point> = (0..count).map(corner).collect();
         let reach = outline.iter().map(|corner| corner[0].hypot(corner[1])).fold(0.0, f64::max);
         let inner = self.inner - by;
+        // The larger one's discs cover it.
         (inner > 0.0).then(|| Checker { outline, reach, inner, ..self.clone() })
     }
 
@@ -245,7 +259,26 @@ impl<'a> Checker<'a> {
                 return None;
             }
         }
+        let spare = if self.is_nearly_disc { spare } else { self.cover_spare(pose) };
+        if spare >= 0.0 {
+            return Some(spare);
+        }
         self.is_outline_free(pose).then_some(0.0)
+    }
+
+    /// How far points may move at least until a disc that covers the outline touches anything, in cells; negative where one may already.
+    fn cover_spare(&self, pose: &Pose2) -> f64 {
+        let (sin, cos) = pose.heading_rad.sin_cos();
+        let mut least = f64::INFINITY;
+        for [x, y] in &self.cover {
+            let place = [pose.x_m + cos * x - sin * y, pose.y_m + sin * x + cos * y];
+            let room = self.space.least_clearance(place).unwrap_or(f64::NEG_INFINITY);
+            least = least.min(room - self.cover_radius);
+            if least < 0.0 {
+                break;
+            }
+        }
+        least
     }
 
     /// Whether nothing is in the way of a motion along which place and heading change evenly.
@@ -292,22 +325,18 @@ impl<'a> Checker<'a> {
         if !(left >= -TOUCH && low >= -TOUCH && right <= width + TOUCH && high <= height + TOUCH) {
             return false;
         }
-        // Most that touch no polygon touch none of its cells either.
-        self.is_polygon_free(&space.counts, &corners, [low, high])
-            || space.beside_solids.as_ref().is_some_and(|counts| {
-                (!space.has_cells || self.is_polygon_free(counts, &corners, [low, high]))
-                    && !space
-                        .tiles
-                        .within(&space.map.solids, [pose.x_m, pose.y_m], self.reach)
-                        .any(|solid| solid.overlaps(&corners, range))
-            })
+        let mut near = space.tiles.within(&space.map.solids, [pose.x_m, pose.y_m], self.reach);
+        !near.any(|solid| solid.overlaps(&corners, range))
+            && (!space.has_cells || self.is_polygon_free(&corners, range))
     }
 
-    /// Whether a convex polygon within the map, from its lowest to its highest coordinate, touches nothing, in cells: a row of cells meets it in one
-    /// range.
-    fn is_polygon_free(&mut self, counts: &[u32], corners: &[Point], [low, high]: [f64; 2]) -> bool {
+    /// Whether a convex polygon within the map, and within this range, touches no cell that is in the way: a row of cells meets it in one range.
+    fn is_polygon_free(&mut self, corners: &[Point], [[left, low], [right, high]]: [Point; 2]) -> bool {
         let first = (low + TOUCH) as usize;
         let end = up(high - TOUCH).min(self.space.map.height);
+        if self.space.are_free([left, right], first..end.max(first)) {
+            return true;
+        }
         self.rows.clear();
         self.rows.resize(end.saturating_sub(first), [f64::INFINITY, f64::NEG_INFINITY]);
         for (number, from) in corners.iter().enumerate() {
@@ -327,19 +356,37 @@ impl<'a> Checker<'a> {
                 range[1] = range[1].max(ends[0]).max(ends[1]);
             }
         }
-        self.rows.iter().enumerate().all(|(row, range)| self.space.is_row_free(counts, first + row, *range))
+        let mut rows = self.rows.iter().zip(first..);
+        rows.all(|(range, row)| self.space.are_free(*range, row..row + 1))
     }
 }
 
-/// How many cells before each one of its row are in the way.
+/// Middles of discs in a row along an outline that cover it together, and the radius of all.
+fn covering(outline: &[Point]) -> (Vec<Point>, f64) {
+    let [low, high] = range(outline);
+    let size = [high[0] - low[0], high[1] - low[1]];
+    let along = usize::from(size[1] > size[0]);
+    let width = size[1 - along];
+    let count = (size[along] / (APART * width)).ceil().clamp(1.0, MOST_DISCS);
+    let length = size[along] / count;
+    let middle = |number: usize| {
+        let mut at = [0, 1].map(|axis| 0.5 * (low[axis] + high[axis]));
+        at[along] = low[along] + (number as f64 + 0.5) * length;
+        at
+    };
+    ((0..count as usize).map(middle).collect(), 0.5 * length.hypot(width))
+}
+
+/// How many cells before each one, in its row and those below, are in the way.
 fn counts_of(blocked: &[bool], width: usize) -> Vec<u32> {
-    let mut counts = Vec::with_capacity(blocked.len() + blocked.len() / width);
+    let mut counts = vec![0; width + 1];
+    counts.reserve((width + 1) * (blocked.len() / width));
     for row in blocked.chunks_exact(width) {
-        let mut count = 0;
+        let (below, mut count) = (counts.len() - width - 1, 0);
         counts.push(0);
-        for blocked in row {
+        for (column, blocked) in row.iter().enumerate() {
             count += u32::from(*blocked);
-            counts.push(count);
+            counts.push(counts[below + column + 1] + count);
         }
     }
     counts
@@ -368,4 +415,28 @@ fn clearance_of(blocked: &[bool], width: usize) -> Vec<f32> {
 fn up(value: f64) -> usize {
     let whole = value as usize;
     whole + usize::from((whole as f64) < value)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn discs_cover_an_outline() {
+        let rectangle = |a: f64, b: f64| vec![[-a, -b], [a, -b], [a, b], [-a, b]];
+        let wedge = vec![[-5.0, -3.0], [7.0, -0.5], [7.0, 0.5], [-5.0, 3.0]];
+        for outline in [rectangle(14.0, 5.0), rectangle(5.0, 14.0), rectangle(200.0, 2.0), wedge] {
+            let (cover, radius) = covering(&outline);
+            for (at, from) in outline.iter().enumerate() {
+                let to = outline[(at + 1) % outline.len()];
+                for part in (0..=100).map(|part| f64::from(part) / 100.0) {
+                    let [x, y] = [0, 1].map(|axis| from[axis] + part * (to[axis] - from[axis]));
+                    let off = cover.iter().map(|middle| (middle[0] - x).hypot(middle[1] - y));
+                    assert!(off.fold(f64::INFINITY, f64::min) <= radius + 1e-9, "({x}, {y}) of {outline:?}");
+                }
+            }
+            let width = outline.iter().map(|corner| corner[1].abs().min(corner[0].abs())).fold(0.0, f64::max);
+            assert!(cover.len() == 16 || radius < 1.2 * width, "{radius} around {outline:?}");
+        }
+    }
 }

@@ -5,7 +5,7 @@
 //! known before, by `passages`.
 //!
 //! A state is a cell and a part of all headings. It stands in the middle of both, or, where that isn't free, beside it: in the middle of passages
-//! always, elsewhere where there is no way else. Doors at any angle, a few tenths of a cell wider than the footprint, are passed that way.
+//! always, elsewhere on the way back and where there is no way else. Doors at any angle, a few tenths of a cell wider than the footprint, are passed that way.
 
 use std::collections::HashMap;
 
@@ -56,25 +56,14 @@ pub struct Place {
     pub heading_rad: Option<f64>,
 }
 
-/// How each state is reached.
+/// How states are reached.
 struct Tree<'a> {
+    /// The cost of what is done, and the least that is known of cells where every heading fits; at least 1, 0 where nothing is known.
     cost: Vec<f32>,
     parent: Vec<u32>,
     done: Vec<bool>,
-    queue: Queue<'a>,
-}
-
-impl Tree<'_> {
-    /// Whether a state is reached from another one at less cost than before.
-    fn is_better(&self, [from, to]: [usize; 2], step: f32) -> bool {
-        !self.done[to] && (self.cost[to] == 0.0 || self.cost[from] + step < self.cost[to])
-    }
-
-    fn reach(&mut self, [from, to]: [usize; 2], step: f32, left: f32) {
-        self.cost[to] = self.cost[from] + step;
-        self.parent[to] = from as u32;
-        self.queue.add(self.cost[to] + left, to);
-    }
+    /// States, and from which one each is reached: it is looked at once it is the next, which most never are.
+    queue: Queue<'a, [u32; 2]>,
 }
 
 /// A search over places and headings.
@@ -255,32 +244,38 @@ impl<'a, 'c> Turning<'a, 'c> {
     /// are off by other roundings; none where there is none.
     pub fn shortest(&mut self, from: &Pose2, to: &Pose2) -> Vec<Vec<Place>> {
         let regions = self.regions();
-        // Doors that are hardly wide enough are looked for only where there is no other way.
+        // Doors that are hardly wide enough are looked for on the way back, and where there is no other way.
         for everywhere in [false, true] {
             if everywhere {
-                // What was in the way may fit beside its middle.
-                let blocked = self.looked.iter_mut().filter(|looked| **looked == BLOCKED);
-                blocked.for_each(|looked| *looked = UNKNOWN);
+                self.look_everywhere();
             }
-            self.fits_everywhere = everywhere;
             let (begins, ends) = (self.around(from), self.around(to));
-            let is_there = self.hang_together(&begins, &ends, &regions);
-            self.fits_everywhere = false;
-            if is_there {
-                let way = self.way(&begins, &ends);
-                let is_soon_found = self.taken <= MOST_TAKEN_TWICE;
-                let back = is_soon_found.then(|| self.way(&ends, &begins)).flatten();
-                let turned_round = |mut way: Vec<Place>| {
-                    way.reverse();
-                    way
-                };
-                return way.into_iter().chain(back.map(turned_round)).collect();
+            if self.hang_together(&begins, &ends, &regions) {
+                let there = self.way(&begins, &ends);
+                let back = if self.taken <= MOST_TAKEN_TWICE { self.way_back(from, to) } else { None };
+                return there.into_iter().chain(back).collect();
             }
-            if self.inner.queue().is_over() {
+            if self.inner.is_over() {
                 break;
             }
         }
         Vec::new()
+    }
+
+    /// The places of the shortest way as it is looked for from the last pose, everywhere.
+    fn way_back(&mut self, from: &Pose2, to: &Pose2) -> Option<Vec<Place>> {
+        self.look_everywhere();
+        let (begins, ends) = (self.around(to), self.around(from));
+        let mut way = self.way(&begins, &ends)?;
+        way.reverse();
+        Some(way)
+    }
+
+    /// From now on states that aren't free in their middles are looked for beside them everywhere.
+    fn look_everywhere(&mut self) {
+        self.fits_everywhere = true;
+        let blocked = self.looked.iter_mut().filter(|looked| **looked == BLOCKED);
+        blocked.for_each(|looked| *looked = UNKNOWN);
     }
 
     /// The places of the shortest way from any of the first states to any of the last ones.
@@ -298,67 +293,91 @@ impl<'a, 'c> Turning<'a, 'c> {
         let is_end: Vec<usize> = ends.iter().map(|(cell, heading)| self.state(*cell, *heading)).collect();
         let estimate = |cell: usize| EAGER * (left[cell] - slack).max(0.0);
         for (cell, heading) in begins {
-            let state = self.state(*cell, *heading);
-            // What was reached costs at least 1; 0 is nowhere.
-            (tree.cost[state], tree.parent[state]) = (1.0, NOBODY);
-            tree.queue.add(1.0 + estimate(*cell), state);
+            tree.queue.add(1.0 + estimate(*cell), [self.state(*cell, *heading) as u32, NOBODY]);
         }
-        while let Some(state) = tree.queue.next() {
-            if std::mem::replace(&mut tree.done[state], true) {
+        while let Some([state, before]) = tree.queue.next() {
+            let at = state as usize;
+            if tree.done[at] {
                 continue;
             }
+            tree.cost[at] = match before {
+                NOBODY => 1.0,
+                before => match self.step([before as usize, at]) {
+                    Some(step) => tree.cost[before as usize] + step,
+                    None => continue,
+                },
+            };
+            (tree.done[at], tree.parent[at]) = (true, before);
             self.taken += 1;
-            if is_end.contains(&state) {
-                return Some(self.places(state, &tree.parent));
+            if is_end.contains(&at) {
+                return Some(self.places(at, &tree.parent));
             }
-            let (cell, heading) = (state / self.headings, state % self.headings);
-            let is_any = self.outer.is_open(cell);
-            let (neighbours, count) = self.inner.neighbours(cell);
-            for next in &neighbours[..count] {
-                let step = self.inner.apart(cell, *next);
-                // Where all headings fit there is one state, whatever they are here.
-                let (to_any, all) = (self.outer.is_open(*next), 0..self.headings);
-                let all = if is_any && !to_any { all } else { heading..heading + 1 };
-                for heading in all {
-                    let states = [state, self.state(*next, heading)];
-                    // What is reached at less cost already needn't be looked at.
-                    if tree.is_better(states, step)
-                        && self.is_free(*next, heading)
-                        && (is_any && to_any || self.is_step_free((cell, heading), (*next, heading)))
-                    {
-                        tree.reach(states, step, estimate(*next));
-                    }
-                }
-            }
-            if !is_any {
-                let turn = self.turn_cost * std::f32::consts::TAU / self.headings as f32;
-                for next in [heading + 1, heading + self.headings - 1].map(|next| next % self.headings) {
-                    let states = [state, self.state(cell, next)];
-                    if tree.is_better(states, turn)
-                        && self.is_free(cell, next)
-                        && self.is_step_free((cell, heading), (cell, next))
-                    {
-                        tree.reach(states, turn, estimate(cell));
-                    }
-                }
-            }
+            self.spread(at, &mut tree, estimate);
         }
         None
     }
 
+    /// What a step between neighbouring states costs; `None` where something is in its way.
+    fn step(&mut self, states: [usize; 2]) -> Option<f32> {
+        let [(from, heading_from), (to, heading_to)] =
+            states.map(|state| (state / self.headings, state % self.headings));
+        // Where all headings fit it is whatever the other one's is.
+        let [any_from, any_to] = [from, to].map(|cell| self.outer.is_open(cell));
+        let heading_from = if any_from { heading_to } else { heading_from };
+        let heading_to = if any_to { heading_from } else { heading_to };
+        let is_free = any_from && any_to
+            || self.is_free(to, heading_to) && self.is_step_free((from, heading_from), (to, heading_to));
+        is_free.then(|| if from == to { self.turn_step() } else { self.inner.apart(from, to) })
+    }
+
+    /// Adds the neighbours of a state.
+    fn spread(&self, state: usize, tree: &mut Tree<'_>, estimate: impl Fn(usize) -> f32) {
+        let (cell, heading) = (state / self.headings, state % self.headings);
+        let (is_any, so_far) = (self.outer.is_open(cell), tree.cost[state]);
+        let add = |tree: &mut Tree<'_>, next: usize, heading: usize, length: f32| {
+            let to = self.state(next, heading);
+            if tree.done[to] || self.looked[to] == BLOCKED {
+                return;
+            }
+            let found = so_far + length;
+            // Between places where all headings fit nothing is in the way: only the shortest step counts.
+            if is_any && self.outer.is_open(next) {
+                if tree.cost[to] != 0.0 && found >= tree.cost[to] {
+                    return;
+                }
+                tree.cost[to] = found;
+            }
+            tree.queue.add(found + estimate(next), [to as u32, state as u32]);
+        };
+        let (neighbours, count) = self.inner.neighbours(cell);
+        for next in &neighbours[..count] {
+            let length = self.inner.apart(cell, *next);
+            // Where all headings fit there is one state, whatever they are here.
+            let all = is_any && !self.outer.is_open(*next);
+            let headings = if all { 0..self.headings } else { heading..heading + 1 };
+            headings.for_each(|heading| add(tree, *next, heading, length));
+        }
+        if !is_any {
+            for next in [heading + 1, heading + self.headings - 1] {
+                add(tree, cell, next % self.headings, self.turn_step());
+            }
+        }
+    }
+
+    fn turn_step(&self) -> f32 {
+        self.turn_cost * std::f32::consts::TAU / self.headings as f32
+    }
+
     fn places(&self, end: usize, parent: &[u32]) -> Vec<Place> {
-        let mut places = Vec::new();
-        let mut state = end;
-        loop {
+        let before = |state: &usize| Some(parent[*state]).filter(|before| *before != NOBODY);
+        let states = std::iter::successors(Some(end), |state| before(state).map(|before| before as usize));
+        let place = |state: usize| {
             let (cell, heading) = (state / self.headings, state % self.headings);
             let pose = self.pose(cell, heading);
             let heading_rad = (!self.outer.is_open(cell)).then_some(pose.heading_rad);
-            places.push(Place { x: pose.x_m, y: pose.y_m, heading_rad });
-            match parent[state] {
-                NOBODY => break,
-                before => state = before as usize,
-            }
-        }
+            Place { x: pose.x_m, y: pose.y_m, heading_rad }
+        };
+        let mut places: Vec<Place> = states.map(place).collect();
         places.reverse();
         places
     }

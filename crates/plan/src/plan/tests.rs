@@ -288,6 +288,35 @@ fn what_cannot_be_reached_is_told_with_the_reason() {
 
 type Polygon = Vec<[f64; 2]>;
 
+/// The length of a way of a robot of 0.7 by 0.5 m in a room with blocks.
+fn length_among_m(blocks: &[[[f64; 2]; 4]], ends: [[f64; 3]; 2]) -> f64 {
+    let footprint = Footprint::new(vec![[-0.35, -0.25], [0.35, -0.25], [0.35, 0.25], [-0.35, 0.25]]).unwrap();
+    let mut map = Map::of_room(&[[0.0, 0.0], [8.0, 0.0], [8.0, 6.0], [0.0, 6.0]], 0.05).unwrap();
+    blocks.iter().for_each(|block| map.block_polygon(block));
+    plan(&ask(&Space::new(map), &footprint, ends)).unwrap().length_m
+}
+
+#[test]
+fn a_short_way_around_a_corner_is_as_short_as_with_a_side_towards_it() {
+    // The disc's way is 4.66 m; with a side towards the corner it is 4.60 m, by cells half as large.
+    let block = [[4.895, 1.933], [6.089, 2.536], [5.783, 3.145], [4.589, 2.539]];
+    let length_m = length_among_m(&[block], [[4.675, 0.512, 0.346], [7.155, 4.312, -1.897]]);
+    assert!((4.58..1.01 * 4.595).contains(&length_m), "{length_m}");
+}
+
+#[test]
+fn a_narrow_place_beside_an_end_is_found_though_there_is_another_way() {
+    // Around the block's other side it is 1.78 m.
+    let block = [[4.75261, 2.83627], [5.21589, 3.08373], [5.15077, 3.20565], [4.68749, 2.95819]];
+    let walls = [
+        [[3.83082, 3.70001], [8.3223, 16.435], [8.20666, 16.47578], [3.71519, 3.74079]],
+        [[3.38513, 2.80495], [-1.10635, -9.93005], [-0.99071, -9.97083], [3.50076, 2.76416]],
+    ];
+    let ends = [[4.17361, 2.87167, 2.13781], [5.60841, 3.18713, -2.06857]];
+    let length_m = length_among_m(&[block, walls[0], walls[1]], ends);
+    assert!((1.72..1.01 * 1.732).contains(&length_m), "{length_m}");
+}
+
 /// A wall across the room, turned by an angle about its middle, with a door of a width in it; and the poses on both sides of the door.
 fn turned_door(angle_rad: f64, width_m: f64) -> (Space, [[f64; 3]; 2], Vec<Polygon>) {
     let (sin, cos) = angle_rad.sin_cos();

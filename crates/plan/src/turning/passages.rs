@@ -71,7 +71,7 @@ impl Turning<'_, '_> {
             part
         });
         for cells in self.borders(regions) {
-            if parts.are_joined(from, to) || parts.queue.is_over() {
+            if parts.are_joined(from, to) || self.inner.is_over() {
                 break;
             }
             self.cross(cells, regions, &mut parts);
