@@ -378,6 +378,32 @@ fn an_alias_is_believed_once_the_drive_shows_it() {
     assert!(found.record.findings.join("\n").contains("alias 77 was written, its drive shows none"));
 }
 
+/// An alias that another drive's EEPROM has, but not the drive yet, is neither proposed nor taken.
+#[test]
+fn an_alias_of_another_eeprom_is_taken() {
+    let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
+    let remembers = Circumstances { has_memory: true, ..Circumstances::default() };
+    let (mut is_left, mut tried, mut proposed) = (false, false, Vec::new());
+    let found = set_up_where(remembers, &robot, &mut |question| match question.id.as_str() {
+        // The first drive's EEPROM gets alias 2, and nobody is switched off before the set-up is taken up again.
+        "name 0" => Some(said(if is_left { "position" } else { "alias" })),
+        "alias 0" => Some(said("2")),
+        "name 1" if !is_left => {
+            is_left = true;
+            Some(Answer::Leave)
+        }
+        "name 1" => Some(said("alias")),
+        "alias 1" => {
+            proposed.extend(question.default.clone());
+            (!std::mem::replace(&mut tried, true)).then(|| said("2"))
+        }
+        _ => None,
+    });
+    assert_eq!(proposed, ["3", "3"], "{:?}", found.asked);
+    assert!(found.told.join("\n").contains("expected a whole number up to 65535 that nobody has, found 2"));
+    assert!(found.text.contains("alias = 3 "), "{}", found.text);
+}
+
 /// One zero too many: what was typed is held against what was just counted.
 #[test]
 fn counts_that_contradict_the_turns_that_were_seen_are_asked_again() {
