@@ -189,6 +189,8 @@ fn a_drive_that_fails_by_itself_is_no_tested_emergency_stop() {
     assert_eq!(found.record.log.iter().filter(tested).count(), 2, "{:?}", found.record.log);
     let asked: Vec<&str> = found.asked.iter().map(|(id, _)| id.as_str()).collect();
     assert!(asked.contains(&"stop 1") && !asked.contains(&"stop 0"), "{asked:?}");
+    // Whoever reads the file without the record reads it there.
+    assert_eq!(found.text.matches("the emergency stop did NOT take its torque").count(), 1, "{}", found.text);
 }
 
 /// The first metre and two ways more, against a tape; let go in the middle of one, the drives lose their torque in the next frame.

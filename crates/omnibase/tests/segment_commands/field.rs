@@ -248,6 +248,7 @@ fn a_failed_read_of_a_file_leaves_boot() {
         let mut simulator = Command::new(env!("CARGO_BIN_EXE_omnibase"))
             .args(["simulate", &segment("three-servos"), "--interface", Namespace::FAR])
             .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
             .spawn()
             .unwrap();
         let mut lines = BufReader::new(simulator.stdout.take().unwrap()).lines().map_while(Result::ok);
@@ -258,9 +259,10 @@ fn a_failed_read_of_a_file_leaves_boot() {
             omnibase(&["foe", "read", Namespace::NEAR, "1", file.to_str().unwrap(), "--name", "nope.bin"]);
         assert!(text(&read.stderr).contains("file not found"), "{}", text(&read.stderr));
         let ended = Command::new("kill").args(["-INT", &simulator.id().to_string()]).status().unwrap();
-        assert!(ended.success() && simulator.wait().unwrap().success());
-        let states: Vec<String> =
-            lines.filter_map(|line| Some(line.split_once(" s  SubDevice 1: ")?.1.to_owned())).collect();
+        assert!(ended.success());
+        let ended = simulator.wait_with_output().unwrap();
+        let (words, mark) = (text(&ended.stderr), " s  SubDevice 1: ");
+        let states: Vec<&str> = words.lines().filter_map(|line| Some(line.split_once(mark)?.1)).collect();
         assert_eq!(states, ["BOOT", "INIT"]);
     });
 }
