@@ -113,6 +113,8 @@ pub enum Doubt {
         /// Likewise.
         next: u16,
     },
+    /// The modules' addresses (0xF020) are to be written, which are in no maker's file.
+    ModuleAddresses,
     /// Fewer modules than a kind of slots asks for.
     TooFewModules {
         /// The kind's first slot, from 1, and its last.
@@ -218,6 +220,9 @@ impl fmt::Display for Doubt {
             Doubt::NoRoom { sync_manager, is_mailbox: false, bytes, buffers, start, next } => write!(
                 f,
                 "SyncManager {sync_manager} has {bytes} bytes and keeps them {buffers} times from 0x{start:04X} on, but the area of another begins at 0x{next:04X}: the device will refuse that; take fewer modules or PDOs"
+            ),
+            Doubt::ModuleAddresses => f.write_str(
+                "the list of its modules' addresses (0xF020) is to be written at a start (DownloadModuleAddressList): add it to its `parameters`",
             ),
             Doubt::TooFewModules { first, last, least, found } => write!(
                 f,

@@ -300,6 +300,8 @@ pub struct Eeprom {
 pub struct Slots {
     /// The list of modules that are configured is written to 0xF030.
     pub download_idents: bool,
+    /// The list of the modules' addresses is written to 0xF020.
+    pub download_addresses: bool,
     /// How many objects apart the indices of neighbours are; `None`, here and below, where the number can't be read.
     pub index_increment: Option<u16>,
     /// How many PDOs apart.

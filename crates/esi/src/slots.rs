@@ -19,6 +19,7 @@ pub(crate) fn read(element: Element, notes: &mut Notes) -> Slots {
     let mut slots = Slots {
         download_idents: element.is("DownloadModuleIdentList", notes)
             | element.is("DownloadModuleList", notes),
+        download_addresses: element.is("DownloadModuleAddressList", notes),
         index_increment,
         pdo_increment,
         ..Slots::default()

@@ -7,7 +7,7 @@ use roxmltree::{Attribute, Document, Node};
 use crate::notes::{Notes, Problem, Why};
 
 /// Elements and attributes that the standard knows and nothing here needs, wherever they stand.
-const UNUSED: [&str; 56] = [
+const UNUSED: [&str; 55] = [
     "URL",
     "Image16x14",
     "ImageFile16x14",
@@ -38,7 +38,6 @@ const UNUSED: [&str; 56] = [
     "MaxSlotGroupCount",
     "SlotGroupIndexIncrement",
     "SlotGroupPdoIncrement",
-    "DownloadModuleAddressList",
     "IdentifyModuleBy",
     "ProductRevision",
     "OverwrittenByModule",

@@ -76,6 +76,8 @@ struct Firmware {
     heard: bool,
     /// It didn't yield in time: nobody waits for it.
     hung: bool,
+    /// Real time after which it is.
+    hung_after: Duration,
     /// When it wants to run again.
     wake: Option<HostTime>,
     /// The AL events that it knows of.
@@ -154,6 +156,7 @@ impl SocketApplication {
                 waiting: true,
                 heard: true,
                 hung: false,
+                hung_after: HUNG_AFTER,
                 wake: None,
                 known: 0,
                 looks: 0,
@@ -256,7 +259,7 @@ impl Firmware {
             self.tell(event, now)?;
         }
         // One that was hung is only looked at until it yields again.
-        let patience = if self.hung { Duration::ZERO } else { HUNG_AFTER };
+        let patience = if self.hung { Duration::ZERO } else { self.hung_after };
         let begun = Instant::now();
         while !self.waiting {
             let looked = self.look(pdi, now)?;
@@ -419,6 +422,7 @@ mod tests {
             waiting: false,
             heard: true,
             hung: false,
+            hung_after: HUNG_AFTER,
             wake: None,
             known: 0,
             looks: 0,
@@ -521,5 +525,38 @@ mod tests {
         let (mut firmware, theirs) = connected();
         drop(theirs);
         assert!(firmware.run_free(&mut Chip { event: 0 }, AlEvent(0), HostTime(0)).is_err());
+    }
+
+    /// Firmware that asks for ever without yielding is hung as one that is silent is: looked at once a turn, and time goes on.
+    #[test]
+    fn firmware_that_never_yields_doesnt_keep_time_from_going_on() {
+        let (mut firmware, mut theirs) = connected();
+        firmware.hung_after = Duration::ZERO;
+        let mut chip = Chip { event: 0 };
+        for _ in 0..5 {
+            theirs.write_all(&[READ, 0, 0x20, 0x01, 2, 0, 0, 0]).unwrap();
+        }
+        for turn in 0..3 {
+            let wake = firmware.run_lockstep(&mut chip, AlEvent(0), HostTime(turn)).unwrap();
+            assert_eq!((wake, firmware.hung), (Some(HostTime(turn) + IDLE_POLL), true));
+            assert_eq!(kinds(&mut theirs), [READ_ANSWER]);
+        }
+        // It yields behind its last two, and is waited for again.
+        theirs.write_all(&[YIELD, 0, 0, 0, 8, 0, 0, 0, 100, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+        for _ in 0..2 {
+            firmware.run_lockstep(&mut chip, AlEvent(0), HostTime(5)).unwrap();
+            assert!(firmware.hung);
+        }
+        let wake = firmware.run_lockstep(&mut chip, AlEvent(0), HostTime(5)).unwrap();
+        assert_eq!((wake, firmware.hung), (Some(HostTime(105)), false));
+    }
+
+    /// Whoever yields for no time gets its next turn a little later all the same.
+    #[test]
+    fn a_yield_for_no_time_takes_some() {
+        let (mut firmware, mut theirs) = connected();
+        theirs.write_all(&[YIELD, 0, 0, 0, 8, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0]).unwrap();
+        let wake = firmware.run_lockstep(&mut Chip { event: 0 }, AlEvent(0), HostTime(7)).unwrap();
+        assert_eq!(wake, Some(HostTime(7) + FREE_POLL));
     }
 }

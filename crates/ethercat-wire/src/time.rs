@@ -44,6 +44,12 @@ pub trait Clock {
     fn since_2000_ns(&self) -> Option<u64> {
         None
     }
+
+    /// A number that is another one at each start of the program, of the machine, or of the segment, as the time of day is; `None`
+    /// where starts are to repeat each other, as in virtual time.
+    fn chance(&self) -> Option<u64> {
+        None
+    }
 }
 
 impl<C: Clock + ?Sized> Clock for alloc::boxed::Box<C> {
@@ -55,5 +61,8 @@ impl<C: Clock + ?Sized> Clock for alloc::boxed::Box<C> {
     }
     fn since_2000_ns(&self) -> Option<u64> {
         (**self).since_2000_ns()
+    }
+    fn chance(&self) -> Option<u64> {
+        (**self).chance()
     }
 }

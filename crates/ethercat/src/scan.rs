@@ -265,11 +265,8 @@ impl<L: Link, C: Clock> Bus<L, C> {
         self.transactor.perform(&mut before)?;
         let taken = before.iter().map(|read| u16_at(&read.data, 0));
         let is_fresh = taken.clone().all(|station| station == 0);
-        let chance = match self.transactor.clock.since_2000_ns() {
-            Some(instant) => instant,
-            None if is_fresh => 0,
-            None => self.transactor.clock.now().0,
-        };
+        let clock = &self.transactor.clock;
+        let chance = clock.chance().unwrap_or(if is_fresh { 0 } else { clock.now().0 });
         let first = address_range::first_station(taken, count, chance);
         let targets: Vec<Target> =
             (0..count).map(|position| Target { position, station: first + position }).collect();

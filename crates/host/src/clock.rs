@@ -58,6 +58,11 @@ impl Clock for MonotonicClock {
         (unix_ns + self.now().0 > KNOWN_UNIX_NS).then(|| unix_ns.wrapping_sub(UNIX_2000_NS))
     }
 
+    fn chance(&self) -> Option<u64> {
+        // Where the date isn't known, too, nanoseconds differ.
+        Some(nanoseconds(clock_gettime(ClockId::Realtime)))
+    }
+
     fn sleep_until(&mut self, instant: HostTime) {
         if instant <= self.now() {
             return;
@@ -90,6 +95,13 @@ mod tests {
         let since_2000_ns = clock.since_2000_ns().expect("this machine knows the date") + clock.now().0;
         let by_std = std::time::UNIX_EPOCH.elapsed().unwrap().as_secs() - 10_957 * 86_400;
         assert!((since_2000_ns / 1_000_000_000).abs_diff(by_std) <= 2, "{since_2000_ns} {by_std}");
+    }
+
+    #[test]
+    fn chance_goes_on_with_time() {
+        let (before, begun) = (MonotonicClock.chance().unwrap(), MonotonicClock.now());
+        MonotonicClock.sleep_until(HostTime(begun.0 + 1_000_000));
+        assert!(MonotonicClock.chance().unwrap() >= before + 1_000_000);
     }
 
     #[test]

@@ -178,6 +178,13 @@ impl Clock for AnyClock {
         }
     }
 
+    fn chance(&self) -> Option<u64> {
+        match self {
+            AnyClock::Host(clock) => clock.chance(),
+            AnyClock::Virtual(_) | AnyClock::Paced(_) => None,
+        }
+    }
+
     fn sleep_until(&mut self, instant: HostTime) {
         match self {
             AnyClock::Host(clock) => clock.sleep_until(instant),

@@ -76,8 +76,12 @@ impl Wheels {
         // its inputs left as they were, even if it is operational by now.
         let are_away = Away::now(&self.supervisor);
         let Away { wheels, devices } = were_away.or(are_away);
+        // A slow one that wasn't asked in this exchange is no less missing for that.
+        let unasked = self.resting & self.supervisor.not_operational_devices();
         match exchange {
-            BusExchange::Complete if are_away != Away::default() => Exchange::Without { wheels, devices },
+            BusExchange::Complete if are_away != Away::default() || unasked != 0 => {
+                Exchange::Without { wheels, devices: devices | unasked }
+            }
             BusExchange::Complete => match self.supervisor.take_restarted() {
                 0 => Exchange::Complete,
                 wheels => Exchange::Restarted { wheels },

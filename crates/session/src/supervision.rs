@@ -330,6 +330,8 @@ impl Supervisor {
                     let how = if by_itself { "in OP again by itself" } else { "back in OP" };
                     self.tell(number, format_args!("{how} after {:.3} s", after.as_secs_f64()));
                 }
+                // What was said of it before is no longer what has to be done.
+                (_, Health::NotAlone) => self.tell(number, format_args!("{}", HealthWords(health))),
                 _ => {}
             }
         }

@@ -472,6 +472,38 @@ mod tests {
         assert!(!is_it(&shows(Some(3)), &shows(Some(4))));
     }
 
+    /// An alias that was written is believed once its drive alone has it: who is no drive has it, too.
+    #[test]
+    fn a_written_alias_that_another_has_is_not_believed() {
+        const BASE: &str = include_str!("../../../robots/bmm.toml");
+        let segment = |alias_of_another: u16| {
+            let text = format!(
+                "[[subdevice]]\nkind = \"servo\"\nalias = 7\n[[subdevice]]\nkind = \"servo\"\ncount = 2\n\
+                 [[subdevice]]\nkind = \"digital-io\"\ninputs = 8\nalias = {alias_of_another}\n"
+            );
+            omnibase_ethercat_sim::SegmentFile::parse(&text)
+                .unwrap()
+                .build(std::path::Path::new("."))
+                .unwrap()
+        };
+        for (another, expected) in [(8, (Some(7), None)), (7, (None, Some(7)))] {
+            let mut open = || -> Result<(Box<dyn Link>, omnibase_ethercat_sim::VirtualClock), String> {
+                let (link, clock) = omnibase_ethercat_sim::in_process(segment(another));
+                Ok((Box::new(link), clock))
+            };
+            let (mut hand, mut keep, mut back_up) =
+                (Doubting(Vec::new()), |_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
+            let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
+            let mut guide =
+                Guide::new(Wished::new(BASE.to_owned()), Record::default(), &mut open, outside).unwrap();
+            guide.find().unwrap();
+            (guide.record.drives[0].alias, guide.record.drives[0].written_alias) = (None, Some(7));
+            guide.compare().unwrap();
+            let drive = &guide.record.drives[0];
+            assert_eq!((drive.alias, drive.written_alias), expected, "the other one has {another}");
+        }
+    }
+
     /// Says that drives may have been swapped.
     struct Doubting(Vec<String>);
 

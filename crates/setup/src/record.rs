@@ -104,6 +104,9 @@ pub struct FoundDrive {
     pub told_gear: Option<f64>,
     /// The wheel that it turned.
     pub wheel: Option<String>,
+    /// Whether the emergency stop took its torque; `None` before that was tried.
+    #[serde(default)]
+    pub is_stopped: Option<bool>,
     /// The way in which the wheel turned with positive counts.
     pub turned: Option<Turned>,
     /// Counts per turn of the wheel, as seen.

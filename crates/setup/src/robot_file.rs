@@ -99,7 +99,11 @@ fn table(name: &str, drive: &FoundDrive, written: Option<&Table>) -> Table {
             found.decor_mut().set_suffix(format!("  # {reason}"));
         }
     };
-    put("name", value(name), "seen to turn");
+    let seen = match drive.is_stopped {
+        Some(false) => "seen to turn; the emergency stop did NOT take its torque: don't drive it",
+        _ => "seen to turn",
+    };
+    put("name", value(name), seen);
     match (drive.identification, drive.alias) {
         (Some(number), _) => put("identification", value(i64::from(number)), "shown by its switch"),
         (None, Some(alias)) => put("alias", value(i64::from(alias)), "wherever it is plugged in"),

@@ -189,6 +189,8 @@ fn a_drive_that_fails_by_itself_is_no_tested_emergency_stop() {
     assert_eq!(found.record.log.iter().filter(tested).count(), 2, "{:?}", found.record.log);
     let asked: Vec<&str> = found.asked.iter().map(|(id, _)| id.as_str()).collect();
     assert!(asked.contains(&"stop 1") && !asked.contains(&"stop 0"), "{asked:?}");
+    // Whoever reads the file without the record reads it there.
+    assert_eq!(found.text.matches("the emergency stop did NOT take its torque").count(), 1, "{}", found.text);
 }
 
 /// The first metre and two ways more, against a tape; let go in the middle of one, the drives lose their torque in the next frame.
@@ -376,6 +378,32 @@ fn an_alias_is_believed_once_the_drive_shows_it() {
     });
     assert!(!found.text.contains("alias = "), "{}", found.text);
     assert!(found.record.findings.join("\n").contains("alias 77 was written, its drive shows none"));
+}
+
+/// An alias that another drive's EEPROM has, but not the drive yet, is neither proposed nor taken.
+#[test]
+fn an_alias_of_another_eeprom_is_taken() {
+    let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
+    let remembers = Circumstances { has_memory: true, ..Circumstances::default() };
+    let (mut is_left, mut tried, mut proposed) = (false, false, Vec::new());
+    let found = set_up_where(remembers, &robot, &mut |question| match question.id.as_str() {
+        // The first drive's EEPROM gets alias 2, and nobody is switched off before the set-up is taken up again.
+        "name 0" => Some(said(if is_left { "position" } else { "alias" })),
+        "alias 0" => Some(said("2")),
+        "name 1" if !is_left => {
+            is_left = true;
+            Some(Answer::Leave)
+        }
+        "name 1" => Some(said("alias")),
+        "alias 1" => {
+            proposed.extend(question.default.clone());
+            (!std::mem::replace(&mut tried, true)).then(|| said("2"))
+        }
+        _ => None,
+    });
+    assert_eq!(proposed, ["3", "3"], "{:?}", found.asked);
+    assert!(found.told.join("\n").contains("expected a whole number up to 65535 that nobody has, found 2"));
+    assert!(found.text.contains("alias = 3 "), "{}", found.text);
 }
 
 /// One zero too many: what was typed is held against what was just counted.

@@ -22,6 +22,9 @@ impl Assembly<'_> {
             doubts.push(Doubt::ForeignCommands { count });
         }
         doubts.extend(self.same_indices());
+        if self.device.slots.as_ref().is_some_and(|slots| slots.download_addresses) {
+            doubts.push(Doubt::ModuleAddresses);
+        }
         doubts.extend(self.too_few_modules());
         doubts.extend(self.alignments());
         doubts.extend(self.unpaired_mailboxes());

@@ -405,6 +405,12 @@ fn slots_stay_empty_and_those_that_must_be_filled_are_told() {
     assert_ne!(MADE_UP.matches("MaxInstances=\"8\"").count(), 0);
     let refused = Assembly::new(&many.devices[2], vec![&many.modules[0]; 256]).map(drop).unwrap_err();
     assert_eq!(refused, AssemblyError::TooMany { device: "MU-COUPLER".into(), most: 255, found: 256 });
+    // Addresses of modules that are to be written are in no maker's file.
+    let asks = |assembly: &Assembly| assembly.doubts().contains(&Doubt::ModuleAddresses);
+    let marked = MADE_UP.replace("<Slots ", "<Slots DownloadModuleAddressList=\"1\" ");
+    let file_with = EsiFile::parse(marked.as_bytes()).unwrap();
+    let addressed = Assembly::new(&file_with.devices[2], vec![&file_with.modules[0]]).unwrap();
+    assert!(asks(&addressed) && !asks(&with(vec![&all[0]])), "{:?}", addressed.doubts());
     // What stands behind an empty slot counts up with its own.
     let (behind, filled) = (with(vec![empty, &all[1]]), with(vec![&all[0], &all[1]]));
     let last = |assembly: &Assembly| assembly.pdos(true).last().map(|pdo| pdo.index.index);

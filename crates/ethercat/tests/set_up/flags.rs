@@ -215,6 +215,34 @@ fn the_segments_time_is_the_hosts_since_2000_where_it_is_known() {
     assert!(shown.0.abs_diff(EPOCH_NS + now.0) < 100_000, "{shown:?} at {now:?}");
 }
 
+/// Where the clock has a chance, two starts of the same segment, each behind a power-on, give other addresses, whatever the date.
+#[test]
+fn another_start_of_a_segment_gives_other_addresses() {
+    struct Chancy(omnibase_ethercat_sim::VirtualClock, u64);
+    impl Clock for Chancy {
+        fn now(&self) -> HostTime {
+            self.0.now()
+        }
+        fn sleep_until(&mut self, instant: HostTime) {
+            self.0.sleep_until(instant);
+        }
+        fn since_2000_ns(&self) -> Option<u64> {
+            Some(850_000_000_000_000_000)
+        }
+        fn chance(&self) -> Option<u64> {
+            Some(self.1)
+        }
+    }
+    let first = |chance| {
+        let drive = Drive::new(DriveKind::Generic).build(&Piece::default(), Load::default());
+        let (link, clock) = in_process(Segment::line(vec![drive]).unwrap());
+        let mut bus = Bus::new(link, Chancy(clock, chance), BusOptions::default());
+        bus.scan().unwrap()[0].station_address
+    };
+    let given: std::collections::BTreeSet<u16> = (0..100).map(first).collect();
+    assert!(given.len() > 95, "{given:x?}");
+}
+
 /// A gripper of two SubDevices that may be there or not: everything else is known by its alias.
 #[test]
 fn a_hot_connect_group_is_there_as_a_whole_or_not_at_all() {

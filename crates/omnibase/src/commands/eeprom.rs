@@ -268,9 +268,21 @@ fn write_checked(
         new_file::write(&backup, &before)?;
         note(format_args!("the present content is in {}", backup.display()));
         let words = bus.write_sii(position, &before, &image);
-        words.with_context(|| {
-            let backup = backup.display();
-            format!("what it holds now isn't known: give the same command again, with another --backup; the backup is {backup}")
+        // What to do is said by whoever knows what it holds now.
+        let is_advised = |error: &SetUpError| {
+            matches!(error, SetUpError::EepromWrite(_) | SetUpError::EepromDiffers { .. })
+        };
+        words.map_err(|error| {
+            let unknown = if is_advised(&error) {
+                ""
+            } else {
+                "what it holds now isn't known, give the same command again; "
+            };
+            let context = format!(
+                "{unknown}the backup is {}, another --backup is for another attempt",
+                backup.display()
+            );
+            anyhow::Error::new(error).context(context)
         })
     })?;
     writeln!(

@@ -103,7 +103,7 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
         } else {
             place.compare(&mut bus, &access, &content)?
         };
-        place.leave(&mut bus)?;
+        place.leave(&mut bus, "it may be starting its new firmware; power it off and on");
         Ok(compared)
     })?;
     let verdict = match compared {
@@ -129,7 +129,7 @@ fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Out
     let request = MailboxRequest::read_file(access.clone(), Vec::with_capacity(READ_LIMIT));
     let content = place.transfer(&mut bus, request);
     // Its firmware is untouched, whatever became of the file.
-    place.leave(&mut bus)?;
+    place.leave(&mut bus, "power it off and on");
     let content = content.with_context(|| format!("file `{}`", access.name))?;
     new_file::write(file, &content)?;
     writeln!(
@@ -230,14 +230,13 @@ impl Place {
         Ok(Ok(()))
     }
 
-    /// To INIT; a device that starts its new firmware by itself may be away for a while.
-    fn leave(&self, bus: &mut AnyBus) -> anyhow::Result<()> {
+    /// To INIT; `advice` is for one that doesn't follow, as a device that starts its new firmware by itself is away for a while.
+    fn leave(&self, bus: &mut AnyBus, advice: &str) {
         if !self.pre_op
             && let Err(error) = bus.leave_boot(self.position)
         {
-            warn(format_args!("{error}: it may be starting its new firmware; power it off and on"));
+            warn(format_args!("{error}: {advice}"));
         }
-        Ok(())
     }
 }
 

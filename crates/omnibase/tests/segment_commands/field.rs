@@ -240,6 +240,33 @@ fn firmware_is_written_compared_and_read_over_a_cable() {
     });
 }
 
+/// A read that failed leaves nobody in BOOT: its firmware is untouched.
+#[test]
+fn a_failed_read_of_a_file_leaves_boot() {
+    let Some(namespace) = Namespace::for_test("a_failed_read_of_a_file_leaves_boot") else { return };
+    namespace.run(|| {
+        let mut simulator = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+            .args(["simulate", &segment("three-servos"), "--interface", Namespace::FAR])
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut lines = BufReader::new(simulator.stdout.take().unwrap()).lines().map_while(Result::ok);
+        assert!(lines.next().is_some_and(|line| line.starts_with("simulating 3 SubDevices")));
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("none.bin");
+        let read =
+            omnibase(&["foe", "read", Namespace::NEAR, "1", file.to_str().unwrap(), "--name", "nope.bin"]);
+        assert!(text(&read.stderr).contains("file not found"), "{}", text(&read.stderr));
+        let ended = Command::new("kill").args(["-INT", &simulator.id().to_string()]).status().unwrap();
+        assert!(ended.success());
+        let ended = simulator.wait_with_output().unwrap();
+        let (words, mark) = (text(&ended.stderr), " s  SubDevice 1: ");
+        let states: Vec<&str> = words.lines().filter_map(|line| Some(line.split_once(mark)?.1)).collect();
+        assert_eq!(states, ["BOOT", "INIT"]);
+    });
+}
+
 #[test]
 fn a_simulator_that_dies_is_noticed() {
     let Some(namespace) = Namespace::for_test("a_simulator_that_dies_is_noticed") else { return };

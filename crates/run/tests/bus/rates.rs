@@ -104,6 +104,21 @@ fn a_slow_terminal_without_power_stops_the_robot_as_any_other() {
     assert_eq!(bench.cycle(None), Exchange::Without { wheels: 0, devices: 1 });
 }
 
+/// It is tolerated for a while, and away all that while: also in the cycles in which nobody asks for it.
+#[test]
+fn a_slow_terminal_without_power_is_missing_between_its_turns_too() {
+    let tolerated = 2 * EVERY as u32;
+    let mut bench = Bench::new(&plan(&format!("{PANEL}[safety]\nlost_exchanges_tolerated = {tolerated}\n")));
+    bench.enable();
+    bench.inject(3, Fault::PowerOff);
+    while bench.cycle(None) == Exchange::Complete {}
+    for cycle in 0..10 * EVERY {
+        let exchange = bench.cycle(None);
+        assert_ne!(exchange, Exchange::Complete, "cycle {cycle}");
+    }
+    assert_eq!(bench.robot.phase(), Phase::Fault, "{:?}", bench.events);
+}
+
 /// An axis of a hot-connect group that isn't plugged in: the robot drives, nobody can move the axis, and nothing of it is believed.
 #[test]
 fn an_absent_axis_is_never_moved_nor_believed_and_the_robot_drives_without_it() {

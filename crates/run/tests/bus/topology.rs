@@ -51,6 +51,22 @@ fn one_that_is_plugged_in_is_named_and_changes_nothing() {
     assert_eq!((bench.session.figures().surplus, bench.session.figures().losses), (0, 0));
 }
 
+/// Whoever was told as silent is told anew where others begin to answer at its address: something else has to be done.
+#[test]
+fn others_at_a_silent_ones_address_are_told() {
+    let mut bench = Bench::new(&plan(""));
+    bench.enable();
+    let address = bench.peek(2, 0x0010, 2);
+    bench.inject(2, Fault::PowerOff);
+    bench.run(20);
+    assert_eq!(bench.told("lost: it does not answer").len(), 1, "{:?}", bench.events);
+    bench.write_register(0, 0x0010, &address);
+    bench.write_register(1, 0x0010, &address);
+    bench.run(200);
+    let told = bench.told("another SubDevice answers at its address");
+    assert!(told.len() == 1 && told[0].1.contains("(SubDevice 2)"), "{:?}", bench.events);
+}
+
 #[test]
 fn with_one_more_plugged_in_nobody_is_taken_back_by_position() {
     let mut bench = with_a_stranger(2);

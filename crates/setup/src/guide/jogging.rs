@@ -364,6 +364,7 @@ impl<C: Clock> Guide<'_, C> {
                             Ok(choice) if choice == "yes" => {
                                 self.record
                                     .note(format!("{wheel}: the emergency stop took its torque: {words}"));
+                                self.record.drives[number].is_stopped = Some(true);
                                 break;
                             }
                             Ok(_) => self.record.found(format!(
@@ -384,7 +385,10 @@ impl<C: Clock> Guide<'_, C> {
                 );
                 let choices = ["again", "go on"].map(str::to_owned);
                 match self.choose(format!("stop {number}"), text, &choices) {
-                    Ok(choice) if choice == "go on" => break,
+                    Ok(choice) if choice == "go on" => {
+                        self.record.drives[number].is_stopped = Some(false);
+                        break;
+                    }
                     Ok(_) => {}
                     Err(Leave) => return Ok(false),
                 }

@@ -147,8 +147,14 @@ impl<C: Clock> Guide<'_, C> {
         }
         let mut shown = Vec::new();
         for was in self.record.drives.iter_mut().filter(|was| was.written_alias.is_some()) {
-            let with_it = now.iter().filter(|one| one.alias == was.written_alias);
-            if with_it.map(|one| one.position).eq([was.position]) {
+            // Nobody else has it or will have it, drive or not.
+            let with_it = bus
+                .subdevices()
+                .iter()
+                .filter(|one| was.written_alias.is_some_and(|alias| one.claims_alias(alias)));
+            let is_shown =
+                now.iter().any(|one| one.position == was.position && one.alias == was.written_alias);
+            if is_shown && with_it.map(|one| one.position).eq([was.position]) {
                 was.alias = was.written_alias.take();
                 shown.push(format!(
                     "SubDevice {} shows alias {} by now: it is found by it",

@@ -82,6 +82,8 @@ pub fn synchronisation(mode: &DcMode) -> String {
     let sync = |times: &SyncTimes, of: &str| {
         let cycle = match (times.cycle_ns, times.factor) {
             (0, Some(factor)) if factor < 0 => format!("{of} / {}", -factor),
+            // As `keys` takes it.
+            (0, Some(0)) => format!("{of} x 1 (its factor is 0)"),
             (0, factor) => format!("{of} x {}", factor.unwrap_or(1)),
             (cycle, _) => format!("{cycle} ns"),
         };

@@ -7,6 +7,8 @@ use std::time::{Duration, Instant};
 
 /// A key that wasn't heard for so long was let go.
 const SILENCE: Duration = Duration::from_millis(250);
+/// Likewise behind its first beat: keyboards wait before they repeat.
+const FIRST_SILENCE: Duration = Duration::from_secs(1);
 
 /// What was heard of a key since it was taken.
 #[derive(Debug, Default)]
@@ -23,8 +25,25 @@ pub struct Heard {
 struct Press {
     /// The last beat of a key that wasn't told to be let go.
     last: Option<Instant>,
+    /// Beats of this press.
+    beats: u32,
     /// It was down before the motion began.
     is_held_over: bool,
+}
+
+impl Press {
+    fn is_down(&self) -> bool {
+        let bound = if self.beats < 2 { FIRST_SILENCE } else { SILENCE };
+        self.last.is_some_and(|last| last.elapsed() < bound)
+    }
+
+    fn beat(&mut self) {
+        if !self.is_down() {
+            *self = Press::default();
+        }
+        self.beats = self.beats.saturating_add(1);
+        self.last = Some(Instant::now());
+    }
 }
 
 impl Heard {
@@ -40,8 +59,7 @@ impl Heard {
     /// The key is down.
     pub fn beat(&self) {
         let mut press = self.press();
-        press.is_held_over &= press.last.is_some_and(|last| last.elapsed() < SILENCE);
-        press.last = Some(Instant::now());
+        press.beat();
         if !press.is_held_over {
             self.beats.fetch_add(1, Ordering::Relaxed);
         }
@@ -67,7 +85,7 @@ impl Heard {
     /// gone.
     pub fn begin(&self) {
         let mut press = self.press();
-        press.is_held_over = press.last.is_some_and(|last| last.elapsed() < SILENCE);
+        press.is_held_over = press.is_down();
         self.let_go.store(false, Ordering::Relaxed);
         self.taken.store(self.beats.load(Ordering::Relaxed), Ordering::Relaxed);
     }
@@ -111,9 +129,12 @@ mod tests {
         next.begin();
         next.beat();
         assert_eq!(next.key(), Key::Quiet);
-        let silent = Press { last: Instant::now().checked_sub(SILENCE), is_held_over: true };
-        *next.press() = silent;
+        let silent = |beats| Press { last: Instant::now().checked_sub(SILENCE), beats, is_held_over: true };
+        *next.press() = silent(2);
         next.beat();
         assert_eq!(next.key(), Key::Beat, "it was silent");
+        *next.press() = silent(1);
+        next.beat();
+        assert_eq!(next.key(), Key::Quiet, "its keyboard waited before it repeated");
     }
 }
