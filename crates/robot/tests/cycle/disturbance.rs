@@ -4,7 +4,7 @@ use omnibase_platform::{Pose2, Twist2, Wrench2};
 use omnibase_robot::controllers::DisturbanceObserver;
 use omnibase_robot::signals::{Measurements, PlatformState, ReferenceStatus, SafetyReason, Setpoint};
 use omnibase_robot::stages::Controller;
-use omnibase_robot::{CycleTime, Exchange, Phase, RequestKind};
+use omnibase_robot::{CycleTime, Exchange, Phase, Registry, RequestKind};
 
 use crate::support::{BMM, Bench, Random, plan};
 
@@ -255,5 +255,28 @@ fn what_accelerates_the_platform_is_no_force_also_behind_lost_exchanges() {
         }
         println!("of {lost_every} exchanges one lost: {worst_n} N");
         assert!(worst_n < most_n, "of {lost_every} exchanges one lost: {worst_n} N");
+    }
+}
+
+#[test]
+fn an_observer_has_gains_for_heavy_platforms_as_the_other_law_has() {
+    for mass_kg in [30.0, 70.0, 170.0, 255.0, 400.0] {
+        let heavy = |law| {
+            let told = format!("mass_kg = {mass_kg:?}            #");
+            let inertia = format!("inertia_kg_m2 = {:?}\n\n", 0.1 * mass_kg);
+            plan(
+                &robot(law, "")
+                    .replace("mass_kg = 70.0            #", &told)
+                    .replace("inertia_kg_m2 = 7.0\n\n", &inertia),
+            )
+        };
+        let [adaptive, observer] = LAWS.map(|law| {
+            let mut made = Registry::with_built_in().make_controllers(&heavy(law)).expect(law);
+            made.remove(0).design().expect("a design").gains
+        });
+        let gains = observer[0];
+        println!("{mass_kg} kg: {gains:?}, of the other law {:?}", adaptive[0]);
+        let part = gains.stiffness() / adaptive[0].stiffness();
+        assert!(gains.observer_1_s > 0.0 && part > 0.8, "{mass_kg} kg: {gains:?}, {part}");
     }
 }
