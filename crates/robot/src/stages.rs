@@ -9,6 +9,7 @@ use omnibase_cia402::{Mode, Wanted};
 use omnibase_platform::{Pose2, PoseGrowth};
 
 use crate::config::WheelLimits;
+use crate::controllers::TorqueDesign;
 use crate::signals::{
     Allowed, AxisAsk, Commands, CycleTime, DriveMeasurement, DriveProgress, Dynamics, Exchange, FusionReport,
     GripReport, GuardReport, Inputs, MAX_WHEELS, Measurements, Outputs, Phase, PlatformState, Quantity,
@@ -333,6 +334,11 @@ pub trait Controller: Send {
     /// The force beside those of its model that it found, N.
     fn force_n(&self) -> f64 {
         0.0
+    }
+
+    /// Of a law of torque whose gains come from loops with margins: those loops, and what closes them. Never asked in a cycle.
+    fn design(&self) -> Option<&TorqueDesign> {
+        None
     }
 }
 

@@ -1,8 +1,9 @@
 //! Prints motions as fast as physics allows, driven on floors that are as they were told, and on others.
 //!
-//! `cargo run --release -p omnibase-trials --example fast [random paths]`
+//! `cargo run --release -p omnibase-trials --example fast [random paths] [laws]`
 
 use omnibase_trials::fast::{Case, HEADING, MOTIONS, random_path};
+use omnibase_trials::laws::asked;
 use omnibase_trials::robots::{BMM, MECANUM};
 
 /// What is told of floors, and what they are: three that are as they were told, and three that aren't.
@@ -16,7 +17,8 @@ const FLOORS: [(f64, [f64; 2]); 6] = [
 ];
 
 fn main() {
-    let paths = std::env::args().nth(1).map_or(10, |count| count.parse().expect("a number of random paths"));
+    let (laws, words) = asked(&["closed_loop_speed", "adaptive_torque", "disturbance_observer"]);
+    let paths = words.first().map_or(10, |count| count.parse().expect("a number of random paths"));
     let random = (1..=paths).map(|seed| (format!("random {seed}"), random_path(seed)));
     let motions: Vec<(String, String)> = MOTIONS
         .iter()
@@ -25,7 +27,7 @@ fn main() {
         .collect();
     for (name, robot) in [("bmm", BMM), ("mecanum", MECANUM)] {
         println!("\n{name}\n\n{HEADING}");
-        for law in ["closed_loop_speed", "adaptive_torque"] {
+        for &law in &laws {
             for (told, floor) in FLOORS {
                 for (name, motion) in &motions {
                     let case = Case { robot, law, motion: motion.clone(), told, floor };

@@ -1,14 +1,18 @@
 //! Prints how each control law holds on treads from soft to rigid and floors from slippery to rough.
 //!
-//! `cargo run --release -p omnibase-trials --example grip [seeded cases] [first seed]`
+//! `cargo run --release -p omnibase-trials --example grip [seeded cases] [first seed] [laws]`
 //!
 //! Without numbers: the table of stiffness and damping. With them: seeded cases per law, and how many of them rang.
 
 use omnibase_robot_sim::Tread;
 use omnibase_trials::framed::Treads;
 use omnibase_trials::grip::{Case, HEADING, SIDE_S};
+use omnibase_trials::laws::asked;
 
-const LAWS: [(&str, Treads); 5] = [
+/// A control law, and what it is told of the treads.
+type Law = (&'static str, Treads);
+
+const LAWS: [Law; 5] = [
     ("closed_loop_speed", Treads::Unknown),
     ("adaptive_torque", Treads::Unknown),
     ("adaptive_torque", Treads::Stiff),
@@ -17,11 +21,13 @@ const LAWS: [(&str, Treads); 5] = [
 ];
 
 fn main() {
-    let mut arguments = std::env::args().skip(1).map(|text| text.parse::<u64>().expect("a number"));
+    let (names, words) = asked(&LAWS.map(|(law, _)| law));
+    let laws: Vec<Law> = LAWS.into_iter().filter(|(law, _)| names.contains(law)).collect();
+    let mut numbers = words.iter().map(|text| text.parse::<u64>().expect("a number"));
     println!("{HEADING}");
-    let Some(cases) = arguments.next() else { return table() };
-    let first = arguments.next().unwrap_or(1);
-    for (law, told) in LAWS {
+    let Some(cases) = numbers.next() else { return table(&laws) };
+    let first = numbers.next().unwrap_or(1);
+    for (law, told) in laws {
         let (mut rang, mut unfinished, mut worst_m) = (0, 0, 0.0_f64);
         for seed in first..first + cases {
             let case = Case::seeded(law, told, seed);
@@ -38,9 +44,9 @@ fn main() {
     }
 }
 
-fn table() {
+fn table(laws: &[Law]) {
     let (friction, payload_kg, estimate) = (0.5, 100.0, 0.5);
-    for (law, told) in LAWS {
+    for &(law, told) in laws {
         let rigid = Case { law, told, tread: None, friction, payload_kg, estimate, side_s: SIDE_S };
         println!("{}", rigid.row(&rigid.ride()));
         for stiffness_n_m in [1e5, 3e5, 1e6, 2e6, 3e6, 4e6] {

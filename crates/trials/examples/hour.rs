@@ -1,12 +1,15 @@
 //! Prints what an hour on figures of eight does to estimates, errors and motors.
 //!
-//! `cargo run --release -p omnibase-trials --example hour [seconds]`
+//! `cargo run --release -p omnibase-trials --example hour [seconds] [laws]`
 
+use omnibase_trials::laws::{asked, is_of_torque};
 use omnibase_trials::{Run, Trial, plan_of, robots};
 use std::time::Instant;
 
 fn main() {
-    let seconds: f64 = std::env::args().nth(1).and_then(|text| text.parse().ok()).unwrap_or(3600.0);
+    let (laws, words) = asked(&["closed_loop_speed", "adaptive_torque", "disturbance_observer"]);
+    let seconds: f64 = words.first().map_or(3600.0, |text| text.parse().expect("seconds"));
+    let starts = |law: &'static str| -> &[f64] { if is_of_torque(law) { &[0.5, 1.5] } else { &[1.0] } };
     println!(
         "| robot | law | m̂ at start | turn s | ran s | believed RMS mm | max mm | m̂ 60 s, least, most, end (truth) | Ĵ least, most | d̂ most N | hottest motor % | times real time | |"
     );
@@ -14,7 +17,7 @@ fn main() {
     for (robot, text) in [("bmm", robots::BMM), ("mecanum", robots::MECANUM)] {
         for turn_s in [120.0, 30.0, FASTEST] {
             for (law, factor) in
-                [("closed_loop_speed", 1.0), ("adaptive_torque", 0.5), ("adaptive_torque", 1.5)]
+                laws.iter().flat_map(|law| starts(law).iter().map(move |start| (*law, *start)))
             {
                 let reference = robots::eight(text, turn_s, seconds);
                 let text = robots::loaded(text, law, factor, &reference);

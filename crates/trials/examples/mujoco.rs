@@ -1,10 +1,11 @@
 //! The robot's cycle on MuJoCo's mechanics beside the simulator's own: believed, true, torque, slip.
 //!
-//! `cargo run --release -p omnibase-trials --example mujoco [friction]`: the table of `docs/control.md`, or the rows of one
+//! `cargo run --release -p omnibase-trials --example mujoco [friction] [laws]`: the table of `docs/control.md`, or the rows of one
 //! friction. A Python with MuJoCo is made under `target/mujoco`.
 
 use std::path::Path;
 
+use omnibase_trials::laws::asked;
 use omnibase_trials::mujoco::{self, MujocoPlant};
 use omnibase_trials::robots::BMM;
 use omnibase_trials::slip::{Case, Slid};
@@ -12,15 +13,16 @@ use omnibase_trials::slip::{Case, Slid};
 fn main() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/mujoco");
     let python = mujoco::python(&folder).expect("a Python with MuJoCo");
-    let asked: Option<f64> = std::env::args().nth(1).map(|text| text.parse().expect("a number"));
+    let (laws, words) = asked(&["closed_loop_speed", "adaptive_torque", "disturbance_observer"]);
+    let only: Option<f64> = words.first().map(|text| text.parse().expect("a number"));
     println!(
         "| law | path | speed | friction | payload kg | plant | believed RMS mm | true RMS mm | true final mm | greatest torque N·m | longest slip mm | slip told at s | end |"
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
-    for law in ["closed_loop_speed", "adaptive_torque"] {
+    for law in laws {
         for (path, faster) in [("circle", 1.0), ("circle", 2.0), ("square", 1.0), ("square", 2.0)] {
             for friction in
-                [0.15, 0.5, 0.7].into_iter().filter(|friction| asked.is_none_or(|asked| asked == *friction))
+                [0.15, 0.5, 0.7].into_iter().filter(|friction| only.is_none_or(|only| only == *friction))
             {
                 for payload_kg in [0.0, 100.0] {
                     let more = String::new();

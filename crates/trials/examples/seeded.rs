@@ -1,6 +1,7 @@
 //! Drives robots of every kind on every floor, and prints what must happen to none of them.
 //!
-//! `cargo run --release -p omnibase-trials --example seeded [robots [first seed]]`: 1000 robots by default, on all cores.
+//! `cargo run --release -p omnibase-trials --example seeded [robots [first seed]] [law of torque]`: 1000 robots by default, on all cores; those
+//! by torque by `adaptive_torque`, where no other is named.
 //! What went wrong is told by its seed as it happens; `seeded 1 SEED` drives it again, `seeded seeds SEED SEED ...` many.
 
 use std::collections::BTreeMap;
@@ -9,6 +10,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use omnibase_trials::laws::{OF_TORQUE, asked};
 use omnibase_trials::seeded::{Outcome, Seeded, Wrong};
 
 #[derive(Default)]
@@ -21,9 +23,11 @@ struct Tally {
 }
 
 fn main() {
-    let mut arguments = std::env::args().skip(1).peekable();
-    let are_listed = arguments.next_if(|first| first == "seeds").is_some();
-    let numbers: Vec<u64> = arguments.map(|text| text.parse().expect("a number")).collect();
+    let (laws, words) = asked(&OF_TORQUE);
+    let law = if let [law] = laws[..] { law } else { OF_TORQUE[0] };
+    let mut words = words.into_iter().peekable();
+    let are_listed = words.next_if(|first| first == "seeds").is_some();
+    let numbers: Vec<u64> = words.map(|text| text.parse().expect("a number")).collect();
     let (robots, first) = (numbers.first().copied().unwrap_or(1000), numbers.get(1).copied().unwrap_or(1));
     let seeds = if are_listed { numbers } else { (first..first + robots).collect() };
     let tally = Mutex::new(Tally::default());
@@ -35,7 +39,7 @@ fn main() {
             scope.spawn(|| {
                 loop {
                     let Some(seed) = seeds.get(next.fetch_add(1, Ordering::Relaxed)).copied() else { return };
-                    let seeded = Seeded::new(seed);
+                    let seeded = Seeded::by(seed, law);
                     let outcome = catch_unwind(AssertUnwindSafe(|| seeded.ride())).ok();
                     tally.lock().expect("no thread panics with it").see(&seeded, outcome, seeds.len() == 1);
                 }
@@ -81,9 +85,7 @@ impl Tally {
         for ((law, floor, end), robots) in &self.ends {
             println!("| {law} | {floor} | {end} | {robots} |");
         }
-        println!(
-            "\n| margins of `adaptive_torque` | least | 1 % | 10 % | half | 90 % |\n|---|---|---|---|---|---|"
-        );
+        println!("\n| margins by torque | least | 1 % | 10 % | half | 90 % |\n|---|---|---|---|---|---|");
         for (name, values) in [("gain, dB", &mut self.gains_db), ("phase, degrees", &mut self.phases_deg)] {
             values.sort_by(f64::total_cmp);
             let at =

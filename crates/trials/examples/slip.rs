@@ -1,14 +1,16 @@
 //! Prints what wheels that slip come to, on floors from slippery to rough.
 //!
-//! `cargo run --release -p omnibase-trials --example slip`
+//! `cargo run --release -p omnibase-trials --example slip [laws]`
 
+use omnibase_trials::laws::asked;
 use omnibase_trials::robots::{BMM, MECANUM};
 use omnibase_trials::slip::{Case, HEADING};
 
 fn main() {
+    let (laws, _) = asked(&["open_loop", "closed_loop_speed", "adaptive_torque", "disturbance_observer"]);
     for (name, robot) in [("bmm", BMM), ("mecanum", MECANUM)] {
         println!("\n{name}\n\n{HEADING}");
-        for law in ["open_loop", "closed_loop_speed", "adaptive_torque"] {
+        for &law in &laws {
             for (path, faster) in [
                 ("square", 1.0),
                 ("square", 1.5),

@@ -1,10 +1,11 @@
 //! Prints what is told of slip on slopes: of the shipped robots at their limits, where their floor grips, and of robots that are told
 //! twice the friction that their floor has.
 //!
-//! `cargo run --release -p omnibase-trials --example slopes [for how many cycles it stands before it begins]`
+//! `cargo run --release -p omnibase-trials --example slopes [for how many cycles it stands before it begins] [laws]`
 
 use omnibase_robot::signals::SafetyReason;
 use omnibase_trials::fast;
+use omnibase_trials::laws::{asked, is_of_torque};
 use omnibase_trials::robots::{BMM, MECANUM};
 use omnibase_trials::slip::{LEAST_M, Slid};
 
@@ -12,7 +13,8 @@ const SQUARE: &str = "points = [[0, 0, 0, 0], [5, 2, 0, 0], [10, 2, 2, 0], [15, 
 const DIRECTIONS: u32 = 8;
 
 fn main() {
-    let rests = std::env::args().nth(1).map_or(0, |count| count.parse().expect("a number of cycles"));
+    let (laws, words) = asked(&["closed_loop_speed", "adaptive_torque", "disturbance_observer"]);
+    let rests = words.first().map_or(0, |count| count.parse().expect("a number of cycles"));
     let motions = [
         "kind = \"circle\"\nradius_m = 0.4\nduration_s = 6.3".to_owned(),
         "kind = \"circle\"\nradius_m = 0.4\ntiming = \"fastest\"".to_owned(),
@@ -28,7 +30,7 @@ fn main() {
     );
     println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
     for (name, robot) in [("bmm", BMM), ("mecanum", MECANUM)] {
-        for law in ["closed_loop_speed", "adaptive_torque"] {
+        for &law in &laws {
             for slope_rad in [0.0, 0.03, 0.04, 0.05, 0.07] {
                 let texts: Vec<String> = motions.iter().map(|motion| shipped(robot, law, motion)).collect();
                 row(&[name, law], slope_rad, "0.50", &texts, rests);
@@ -43,11 +45,8 @@ fn main() {
 
 /// A robot as it is shipped, under a law.
 fn shipped(robot: &str, law: &str, motion: &str) -> String {
-    let known = if law == "adaptive_torque" && robot == MECANUM {
-        "\nmass_kg = 60.0\ninertia_kg_m2 = 4.0"
-    } else {
-        ""
-    };
+    let known =
+        if is_of_torque(law) && robot == MECANUM { "\nmass_kg = 60.0\ninertia_kg_m2 = 4.0" } else { "" };
     let text = robot.replacen("kind = \"closed_loop_speed\"", &format!("kind = \"{law}\"{known}"), 1);
     format!("{text}\n[reference]\n{motion}\n")
 }

@@ -1,15 +1,18 @@
-//! Prints which robots that aren't as their file says are named, and how many that are: `-- 400` for so many of the latter.
+//! Prints which robots that aren't as their file says are named, and how many that are: `-- 400` for so many of the latter; with laws' names for those laws
+//! alone.
 //!
 //! `cargo run --release -p omnibase-trials --example wiring`
 
+use omnibase_trials::laws::asked;
 use omnibase_trials::wiring::{Case, Fault, LAWS, PATHS};
 
 fn main() {
-    let robots: u64 = std::env::args().nth(1).and_then(|number| number.parse().ok()).unwrap_or(100);
+    let (laws, words) = asked(&LAWS);
+    let robots: u64 = words.first().map_or(100, |number| number.parse().expect("a number of robots"));
     println!("| robot | law | what is wrong | runs | named within 0.5 m | within 1 m | stopped otherwise |");
     println!("|---|---|---|---|---|---|---|");
     for (robot, wheels) in [("bmm", 3), ("mecanum", 4)] {
-        for law in LAWS {
+        for &law in &laws {
             let mut rows: Vec<(&str, [u32; 4])> = Vec::new();
             for fault in Fault::all(wheels) {
                 for path in PATHS {
@@ -30,6 +33,10 @@ fn main() {
             }
         }
     }
-    let wrong = (1..=robots).filter(|seed| Case::seeded(*seed).ride(f64::INFINITY).is_named()).count();
+    let seeded = |seed: u64| match (Case::seeded(seed), &laws[..]) {
+        (case, &[law]) => Case { law, ..case },
+        (case, _) => case,
+    };
+    let wrong = (1..=robots).filter(|seed| seeded(*seed).ride(f64::INFINITY).is_named()).count();
     println!("\nOf {robots} robots that are as their file says {wrong} are named.");
 }

@@ -8,6 +8,7 @@ use omnibase_robot_sim::SharedMachine;
 use omnibase_run::simulated::Script;
 use omnibase_run::{Progress, Ran, RobotText, RunError, Setup, run, simulated};
 
+use crate::laws::is_of_torque;
 use crate::robots;
 
 /// A robot, a path, a control law and what it is told of the mass: a row of `docs/accuracy.md`.
@@ -48,10 +49,10 @@ pub enum Creep {
 impl Treads {
     /// For a table; the laws of speed count with none.
     pub fn text(self, law: &str) -> &'static str {
-        match (law, self) {
-            ("adaptive_torque" | "disturbance_observer", Treads::Unknown) => "unknown",
-            ("adaptive_torque" | "disturbance_observer", Treads::Stiff) => "stiff",
-            _ => "-",
+        match self {
+            _ if !is_of_torque(law) => "-",
+            Treads::Unknown => "unknown",
+            Treads::Stiff => "stiff",
         }
     }
 }
@@ -71,9 +72,15 @@ pub fn cases() -> Vec<Case> {
                 ("adaptive_torque", 1.5, Treads::Unknown, Creep::Ignored),
                 ("adaptive_torque", 0.5, Treads::Stiff, Creep::Ignored),
                 ("adaptive_torque", 1.5, Treads::Stiff, Creep::Ignored),
+                ("disturbance_observer", 0.5, Treads::Unknown, Creep::Ignored),
+                ("disturbance_observer", 1.5, Treads::Unknown, Creep::Ignored),
+                ("disturbance_observer", 0.5, Treads::Stiff, Creep::Ignored),
+                ("disturbance_observer", 1.5, Treads::Stiff, Creep::Ignored),
                 ("closed_loop_speed", 1.0, Treads::Unknown, Creep::MadeUpFor),
                 ("adaptive_torque", 0.5, Treads::Stiff, Creep::MadeUpFor),
                 ("adaptive_torque", 1.5, Treads::Stiff, Creep::MadeUpFor),
+                ("disturbance_observer", 0.5, Treads::Stiff, Creep::MadeUpFor),
+                ("disturbance_observer", 1.5, Treads::Stiff, Creep::MadeUpFor),
             ] {
                 cases.push(Case { robot, path, law, estimate, treads, creep });
             }
@@ -115,11 +122,9 @@ impl Case {
         let summary = &ran.summary;
         let [believed, truly] = [summary.rms_error_m.believed, summary.rms_error_m.truth].map(millimetres);
         let end = millimetres(summary.final_error_m.truth);
-        let mass = match self.law {
-            "adaptive_torque" | "disturbance_observer" => {
-                format!("{:.0} % | {:.0} kg", 100.0 * self.estimate, ran.last.estimates()[0])
-            }
-            _ => "- | -".to_owned(),
+        let mass = match is_of_torque(self.law) {
+            true => format!("{:.0} % | {:.0} kg", 100.0 * self.estimate, ran.last.estimates()[0]),
+            false => "- | -".to_owned(),
         };
         let creep = if self.creep == Creep::MadeUpFor { "made up for" } else { "-" };
         let treads = self.treads.text(self.law);

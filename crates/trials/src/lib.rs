@@ -13,6 +13,7 @@
 //! - [`braking`]: the same robots are stopped under way, pushed, on slopes, with other loads: whether their ramps are followed.
 //! - [`mujoco`]: the same robots on mechanics that aren't ours.
 //! - [`wiring`]: robots that are not as their file says, and whether they are named.
+//! - [`laws`]: the control laws, and those that an example is asked for.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
 //!
 //! The time of everything is as it is on the bus: a cycle reads what the drives measured one period before, and what
@@ -26,6 +27,7 @@ pub mod calibration;
 pub mod fast;
 pub mod framed;
 pub mod grip;
+pub mod laws;
 pub mod learning;
 pub mod mujoco;
 pub mod replans;

@@ -4,13 +4,15 @@
 //! and the drives' lag, wheels by the file's tolerances, motors that give less than they promise, and two short ways.
 
 use omnibase_platform::GeometrySigmas;
-use omnibase_robot::controllers::{Margins, Plant, SlowForce, TorqueDesign};
+use omnibase_robot::controllers::{Margins, Plant};
 use omnibase_robot::estimators::covariance_settings;
 use omnibase_robot::signals::{MAX_WHEELS, SafetyReason};
+use omnibase_robot::{Registry, RobotPlan};
 use omnibase_robot_sim::{MachineParameters, Tread};
 
 use crate::approaches::Random;
 use crate::grip::Swing;
+use crate::laws::is_of_torque;
 use crate::slip::{Spin, quicker};
 use crate::{Run, Trial, builds, plan_of, robots};
 
@@ -170,12 +172,17 @@ impl Outcome {
 }
 
 impl Seeded {
-    /// The robot of a seed.
+    /// The robot of a seed, by torque or by speed.
     pub fn new(seed: u64) -> Seeded {
+        Seeded::by(seed, "adaptive_torque")
+    }
+
+    /// The same with another law of torque.
+    pub fn by(seed: u64, law_of_torque: &'static str) -> Seeded {
         let mut random = Random::new(seed ^ 0x5EED_ED00_0000_0000);
         let mut chance = |share: f64| random.between(0.0, 1.0) < share;
         let (robot, file) = if chance(0.75) { ("bmm", robots::BMM) } else { ("mecanum", robots::MECANUM) };
-        let law = if chance(0.6) { "adaptive_torque" } else { "closed_loop_speed" };
+        let law = if chance(0.6) { law_of_torque } else { "closed_loop_speed" };
         let (is_tread_told, is_friction_told) = (chance(0.3), chance(0.3));
         let (is_weighed, is_weak) = (chance(0.5), chance(0.2));
         let cycle_us = if chance(0.75) { 1000 } else { 500 };
@@ -215,7 +222,7 @@ impl Seeded {
         let Tread { stiffness_n_m, damping_ratio } = self.tread;
         let machine = omnibase_run::simulated::description(&plan_of(file)).machine;
         let mut told = String::new();
-        if self.is_tread_told && self.law == "adaptive_torque" {
+        if self.is_tread_told && is_of_torque(self.law) {
             let stiffness = [(stiffness_n_m / 1.5).max(1e4), stiffness_n_m * 1.5];
             told += &format!(
                 "tread_stiffness_n_m = {stiffness:?}\ntread_damping_ratio = {:?}\n",
@@ -318,7 +325,7 @@ impl Seeded {
             self.build(machine, &geometry);
             // Designing takes as long as driving: a tenth of the robots will do.
             if self.seed.is_multiple_of(10) {
-                margins = self.margins(&TorqueDesign::new(&plan, SlowForce::Integral).ok(), machine);
+                margins = self.margins(&plan, machine);
             }
         });
         trial.enable();
@@ -385,11 +392,9 @@ impl Seeded {
     }
 
     /// What the law's loops leave on this machine.
-    fn margins(&self, design: &Option<TorqueDesign>, machine: &MachineParameters) -> Option<Margins> {
-        if self.law != "adaptive_torque" {
-            return None;
-        }
-        let design = design.as_ref()?;
+    fn margins(&self, plan: &RobotPlan, machine: &MachineParameters) -> Option<Margins> {
+        let laws = Registry::with_built_in().make_controllers(plan).ok()?;
+        let design = laws.first()?.design()?;
         let wheel_kg = machine.wheels.iter().map(|drive| {
             let gear = drive.motor.gear_ratio;
             let inertia = drive.wheel.inertia_kg_m2 + gear * gear * drive.motor.rotor_inertia_kg_m2;

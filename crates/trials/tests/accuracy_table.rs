@@ -2,6 +2,7 @@
 //! where the law of torque is told nothing of the treads its believed RMS is 4 mm.
 
 use omnibase_trials::framed::{Case, Creep, Treads, cases};
+use omnibase_trials::laws::is_of_torque;
 
 #[test]
 fn the_table_in_the_documents_is_what_the_runs_print_and_keeps_the_bounds() {
@@ -27,7 +28,7 @@ fn the_table_in_the_documents_is_what_the_runs_print_and_keeps_the_bounds() {
             [summary.rms_error_m.believed, summary.final_error_m.truth].map(|figure| figure.expect("it ran"));
         assert!(ran.finished, "{row}");
         if case.law != "open_loop" {
-            let is_soft = case.law == "adaptive_torque" && case.treads == Treads::Unknown;
+            let is_soft = is_of_torque(case.law) && case.treads == Treads::Unknown;
             let most_m = if is_soft { 4e-3 } else { 0.5e-3 };
             assert!(believed_m <= most_m && final_m <= 3e-3, "{row}");
         }

@@ -10,10 +10,12 @@ type Law = (&'static str, Treads);
 
 const UNKNOWN: Law = ("adaptive_torque", Treads::Unknown);
 const STIFF: Law = ("adaptive_torque", Treads::Stiff);
+const OBSERVER: Law = ("disturbance_observer", Treads::Unknown);
+const OBSERVER_STIFF: Law = ("disturbance_observer", Treads::Stiff);
 const SPEED: Law = ("closed_loop_speed", Treads::Unknown);
 
 /// Law and what it is told, stiffness of the tread in N/m, damping ratio, and the greatest believed RMS, m.
-const HOLD: [(Law, f64, f64, f64); 13] = [
+const HOLD: [(Law, f64, f64, f64); 18] = [
     (UNKNOWN, 1e5, 0.1, 4e-3),
     (UNKNOWN, 1e5, 1.0, 3e-3),
     (UNKNOWN, 3e5, 0.1, 2e-3),
@@ -23,6 +25,11 @@ const HOLD: [(Law, f64, f64, f64); 13] = [
     (STIFF, 1e6, 0.3, 3e-4),
     (STIFF, 2e6, 0.3, 3e-4),
     (STIFF, 4e6, 1.0, 3e-4),
+    (OBSERVER, 1e5, 0.1, 2.5e-3),
+    (OBSERVER, 3e5, 0.6, 1.5e-3),
+    (OBSERVER, 4e6, 0.1, 1.2e-3),
+    (OBSERVER_STIFF, 1e6, 0.3, 2e-4),
+    (OBSERVER_STIFF, 4e6, 1.0, 2e-4),
     (SPEED, 1e5, 0.1, 1e-4),
     (SPEED, 3e5, 0.3, 1e-4),
     (SPEED, 1e6, 0.1, 1e-4),

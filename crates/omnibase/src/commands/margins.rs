@@ -1,11 +1,14 @@
 //! `omnibase margins`: what a law of torque leaves of gain and phase on every tread that a robot may have.
 
 mod plot;
+#[cfg(test)]
+mod tests;
 
 use crate::Outcome;
 use crate::robot_file::{Changes, RobotSource};
-use anyhow::{Context, bail};
-use omnibase_robot::controllers::{LoopGains, Margins, Plant, SlowForce, TorqueDesign, TorqueLoop};
+use anyhow::{Context, anyhow, bail};
+use omnibase_robot::controllers::{LoopGains, Margins, Plant, TorqueDesign, TorqueLoop};
+use omnibase_robot::registry::Made;
 use omnibase_robot::{Registry, RobotPlan};
 use serde_json::{Value, json};
 use std::io::Write;
@@ -19,7 +22,8 @@ const DAMPING_RATIOS: [f64; 3] = [0.3, 0.6, 1.0];
 
 /// Shows the gains of a law of torque with their margins on every tread, and what a declared tread buys.
 ///
-/// The law is the file's where that is `disturbance_observer`, else `adaptive_torque`. [controller] must give mass_kg and inertia_kg_m2.
+/// The law is the first of the file's that has such gains, or else the first of all (`check --kinds`). [controller] must give mass_kg
+/// and inertia_kg_m2.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "Examples:
   omnibase margins robots/bmm.toml
@@ -191,12 +195,9 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
             missing.join(" and no ")
         );
     }
-    let observes = plan.controllers().next() == Some("disturbance_observer");
-    let (law, slow) = match observes {
-        true => ("disturbance_observer", SlowForce::Observer),
-        false => ("adaptive_torque", SlowForce::Integral),
-    };
-    let design = TorqueDesign::new(&plan, slow).with_context(|| format!("{file}: [controller]"))?;
+    let (law, design) = designed(&plan, registry)
+        .with_context(|| format!("{file}: [controller]"))?
+        .ok_or_else(|| anyhow!("no law of torque is registered whose gains are designed by margins"))?;
     let [along, across, turn] = &design.loops;
     let [along_gains, across_gains, turn_gains] = design.gains;
     let axes = [
@@ -218,7 +219,11 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         let all = json!({ "robot": plan.name, "law": law, "known": assumptions, "axes": told, "suffices": suffices });
         writeln!(output, "{}", serde_json::to_string_pretty(&all)?)?;
     } else {
-        writeln!(output, "{file}: gains of {law} with their margins")?;
+        let whose = match plan.controllers().any(|one| one == law) {
+            true => "",
+            false => " (no law of the file has such gains)",
+        };
+        writeln!(output, "{file}: gains of {law} with their margins{whose}")?;
         for Known { name, words, is_given, .. } in known(&plan, along) {
             writeln!(output, "  {name:<17} {words} ({})", origin(is_given))?;
         }
@@ -230,6 +235,17 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         }
     }
     Ok(if suffices { Outcome::Done } else { Outcome::Failed })
+}
+
+/// The first law whose gains are designed by margins: of the file's, then of all that are registered.
+fn designed<'a>(plan: &'a RobotPlan, registry: &'a Registry) -> Made<Option<(&'a str, TorqueDesign)>> {
+    for law in plan.controllers().chain(registry.controllers.names()) {
+        let (_, make) = registry.controllers.find(Some(law))?;
+        if let Some(design) = make(plan)?.design() {
+            return Ok(Some((law, design.clone())));
+        }
+    }
+    Ok(None)
 }
 
 /// What is known of a robot's treads, wheels and delay.

@@ -28,7 +28,7 @@ impl AdaptiveTorque {
     /// The controller as a plan says.
     pub fn new(plan: &RobotPlan) -> Made<Self> {
         let beside = AddedUp { most: most(plan), lever_m: lever_m(plan), force: [0.0; 3] };
-        TorqueLaw::with(plan, &TorqueDesign::new(plan, SlowForce::Integral)?, beside)
+        TorqueLaw::with(plan, TorqueDesign::new(plan, SlowForce::Integral)?, beside)
     }
 }
 

@@ -6,7 +6,8 @@
 //! of the measured speed, so that they are as old as it.
 //! - M is never what is learnt, for it is a part of the loop's gain; a wrong one shows in accelerations beside the wished one alone;
 //! - what the drives gave is counted, not what they were asked for: torques that were scaled down wind nothing up;
-//! - at rest, while a wheel slips and while a limit or the floor holds torques back d̂ stays as it is.
+//! - at rest, while a wheel slips and while a limit or the floor holds torques back d̂ stays as it is;
+//! - behind lost exchanges what was measured tells of all cycles since the last.
 
 use omnibase_platform::{Kinematics, PerWheel, Wrench2};
 
@@ -60,10 +61,11 @@ impl DisturbanceObserver {
             measured: None,
             fed: [Wrench2::default(); DELAY_PERIODS],
             beside_model: [0.0; 3],
-            faster: None,
+            before: None,
+            periods: 0,
             force: [0.0; 3],
         };
-        TorqueLaw::with(plan, &TorqueDesign::new(plan, SlowForce::Observer)?, beside)
+        TorqueLaw::with(plan, TorqueDesign::new(plan, SlowForce::Observer)?, beside)
     }
 }
 
@@ -81,15 +83,17 @@ pub struct Observer {
     fed: [Wrench2; DELAY_PERIODS],
     /// What the drives gave beside that, in odom, behind the filter.
     beside_model: [f64; 3],
-    /// By how much the platform was faster than the setpoint in the cycle before; `None` where that isn't known.
-    faster: Option<[f64; 3]>,
+    /// By how much the platform was faster than the setpoint when all drives were heard last; `None` before that.
+    before: Option<[f64; 3]>,
+    /// Periods since then.
+    periods: u32,
     force: [f64; 3],
 }
 
 impl ForceBeside for Observer {
     fn reset(&mut self) {
         (self.fed, self.beside_model) = ([Wrench2::default(); DELAY_PERIODS], [0.0; 3]);
-        (self.measured, self.faster, self.force) = (None, None, [0.0; 3]);
+        (self.measured, self.before, self.periods, self.force) = (None, None, 0, [0.0; 3]);
     }
 
     fn force(&self) -> [f64; 3] {
@@ -106,27 +110,26 @@ impl ForceBeside for Observer {
         let fed = self.fed[0];
         self.fed.rotate_left(1);
         self.fed[DELAY_PERIODS - 1] = done.fed;
-        let Some(measured) = self.measured.take() else {
-            self.faster = None;
-            return;
-        };
+        self.periods = self.periods.saturating_add(1);
+        let Some(measured) = self.measured.take() else { return };
+        let span_s = f64::from(std::mem::take(&mut self.periods)) * done.period_s;
         let beside = Wrench2::new(
             measured.fx_n - fed.fx_n,
             measured.fy_n - fed.fy_n,
             measured.torque_nm - fed.torque_nm,
         );
         let Wrench2 { fx_n, fy_n, torque_nm } = beside.rotated(done.heading_rad);
-        let keep = self.filter.kept(done.period_s);
+        let keep = self.filter.kept(span_s);
         for (held, now) in self.beside_model.iter_mut().zip([fx_n, fy_n, torque_nm]) {
             *held = keep * *held + (1.0 - keep) * now;
         }
-        let Some(before) = self.faster.replace(done.faster) else { return };
+        let Some(before) = self.before.replace(done.faster) else { return };
         if !done.moves || done.is_held_back {
             return;
         }
         for (axis, force) in self.force.iter_mut().enumerate() {
-            let gains_n = self.body[axis] * (done.faster[axis] - before[axis]) / done.period_s;
-            let part = 1.0 - (-done.gains[axis].observer_1_s * done.period_s).exp();
+            let gains_n = self.body[axis] * (done.faster[axis] - before[axis]) / span_s;
+            let part = 1.0 - (-done.gains[axis].observer_1_s * span_s).exp();
             let off = self.beside_model[axis] - gains_n - *force;
             *force = (*force + part * off).clamp(-self.most[axis], self.most[axis]);
         }

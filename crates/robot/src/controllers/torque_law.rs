@@ -85,15 +85,14 @@ pub struct Done<'a> {
 pub struct TorqueLaw<F> {
     kinematics: Kinematics,
     limits: Limits,
+    design: TorqueDesign,
+    /// The design's, with the Kp that was set.
     gains: [LoopGains; 3],
-    /// Those for where torques swing, and whether they do since it began.
-    softer: Option<[LoopGains; 3]>,
+    /// Whether torques swing since it began: then with the design's softer gains.
     is_softer: bool,
     swings: [Swing; MAX_WHEELS],
     /// What reaches less far is no swing, N·m.
     noise_nm: [f64; MAX_WHEELS],
-    /// The greatest Kp that the design allows, 1/s.
-    greatest_kp_1_s: [f64; 3],
     dynamics: Dynamics,
     friction: WheelFriction,
     beside: F,
@@ -125,7 +124,7 @@ pub(super) fn lever_m(plan: &RobotPlan) -> f64 {
 
 impl<F: ForceBeside> TorqueLaw<F> {
     /// The controller as a plan says, with a design for its slow force.
-    pub(super) fn with(plan: &RobotPlan, design: &TorqueDesign, beside: F) -> Made<Self> {
+    pub(super) fn with(plan: &RobotPlan, design: TorqueDesign, beside: F) -> Made<Self> {
         let table = &plan.controller;
         let dynamics = Dynamics {
             mass_kg: given(table.mass_kg, "mass_kg")?,
@@ -138,9 +137,8 @@ impl<F: ForceBeside> TorqueLaw<F> {
             before: None,
             kinematics: plan.kinematics.clone(),
             limits: plan.limits,
-            greatest_kp_1_s: design.gains.map(|gains| gains.kp_1_s),
             gains: design.gains,
-            softer: design.softer,
+            design,
             is_softer: false,
             swings: [Swing::default(); MAX_WHEELS],
             noise_nm: rated_nm(plan).map(|rated_nm| NOISE_OF_RATED * rated_nm),
@@ -151,7 +149,7 @@ impl<F: ForceBeside> TorqueLaw<F> {
 
     /// The gains of now: at most the Kp that was set.
     fn gains(&self) -> [LoopGains; 3] {
-        match self.softer.filter(|_| self.is_softer) {
+        match self.design.softer.filter(|_| self.is_softer) {
             None => self.gains,
             Some(softer) => std::array::from_fn(|axis| LoopGains {
                 kp_1_s: self.gains[axis].kp_1_s.min(softer[axis].kp_1_s),
@@ -162,7 +160,7 @@ impl<F: ForceBeside> TorqueLaw<F> {
 
     /// Whether what it commands swings: then the treads, or a floor on which they slip, aren't what it was designed for.
     fn watch(&mut self, commands: &Commands, time: &CycleTime) {
-        if self.softer.is_none() || self.is_softer {
+        if self.design.softer.is_none() || self.is_softer {
             return;
         }
         let taken = taken(time.period_s());
@@ -266,7 +264,7 @@ impl<F: ForceBeside> Controller for TorqueLaw<F> {
     fn gain(&self, index: usize) -> Option<Gain> {
         let name = *["kp_x_1_s", "kp_y_1_s", "kp_heading_1_s"].get(index)?;
         let gains = self.gains.get(index)?;
-        Some(Gain { name, value: gains.kp_1_s, least: 0.0, greatest: *self.greatest_kp_1_s.get(index)? })
+        Some(Gain { name, value: gains.kp_1_s, least: 0.0, greatest: self.design.gains.get(index)?.kp_1_s })
     }
 
     fn set_gain(&mut self, index: usize, value: f64) {
@@ -278,5 +276,9 @@ impl<F: ForceBeside> Controller for TorqueLaw<F> {
     fn force_n(&self) -> f64 {
         let [fx_n, fy_n, _] = self.beside.force();
         omnibase_platform::length([fx_n, fy_n])
+    }
+
+    fn design(&self) -> Option<&TorqueDesign> {
+        Some(&self.design)
     }
 }

@@ -258,21 +258,24 @@ fn limits_have_the_same_places_with_every_law() {
 #[test]
 fn nothing_is_learnt_while_a_drive_holds_back_by_a_limit_of_its_own() {
     let circle = "\n[reference]\nkind = \"circle\"\nradius_m = 0.5\nduration_s = 8.0\n";
-    let mut bench = Bench::new(plan(&(with_law(BMM, "adaptive_torque") + circle)));
-    bench.enable();
-    bench.step(Some(RequestKind::Track));
-    bench.run(500);
-    let learnt = |bench: &mut Bench, is_limited| {
-        bench.limit_drive(2, is_limited);
-        bench.step(None);
-        let learnt = |record: &CycleRecord| (record.grip.dynamics, record.force_n);
-        let before = learnt(bench.robot.record());
+    for law in ["adaptive_torque", "disturbance_observer"] {
+        let mut bench = Bench::new(plan(&(with_law(BMM, law) + circle)));
+        bench.enable();
+        bench.step(Some(RequestKind::Track));
         bench.run(500);
-        assert_eq!(bench.robot.phase(), Phase::Tracking);
-        learnt(bench.robot.record()) != before
-    };
-    assert!(!learnt(&mut bench, true));
-    assert!(learnt(&mut bench, false));
+        let learnt = |bench: &mut Bench, is_limited| {
+            bench.limit_drive(2, is_limited);
+            bench.step(None);
+            let learnt = |record: &CycleRecord| (record.grip.dynamics, record.force_n);
+            let before = learnt(bench.robot.record());
+            bench.run(500);
+            assert_eq!(bench.robot.phase(), Phase::Tracking, "{law}");
+            let after = learnt(bench.robot.record());
+            (after.0 != before.0, after.1 != before.1)
+        };
+        assert_eq!(learnt(&mut bench, true), (false, false), "{law}");
+        assert_eq!(learnt(&mut bench, false), (true, true), "{law}");
+    }
 }
 
 #[test]

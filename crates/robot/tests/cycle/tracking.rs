@@ -230,12 +230,18 @@ fn saturated_wheels_keep_the_direction() {
 
 #[test]
 fn saturated_torques_keep_the_direction() {
-    let weak = controlled(BMM, "adaptive_torque", "\n[safety]\ntracking_error_m = 10.0\n")
-        .replace("wheel_torque_nm = 21.0", "wheel_torque_nm = 2.5");
+    for law in ["adaptive_torque", "disturbance_observer"] {
+        let weak = controlled(BMM, law, "\n[safety]\ntracking_error_m = 10.0\n")
+            .replace("wheel_torque_nm = 21.0", "wheel_torque_nm = 2.5");
+        saturated_keeps_the_direction(law, &weak);
+    }
+}
+
+fn saturated_keeps_the_direction(law: &str, weak: &str) {
     let mut random = Random(0x5EED_0005);
     let mut saturated = 0;
     for _ in 0..20 {
-        let mut bench = Bench::new(plan(&weak));
+        let mut bench = Bench::new(plan(weak));
         // What rubs isn't scaled with the torques.
         bench.friction_nm = 0.0;
         bench.enable();
@@ -250,11 +256,11 @@ fn saturated_torques_keep_the_direction() {
                 let saturation = bench.robot.record().commands.saturation;
                 // Behind the saturation the loop alone brings it back.
                 let most = if saturation < 1.0 { 0.1 } else { 0.2 };
-                assert!(off < most, "{off}° off in cycle {cycle}, saturation {saturation}");
+                assert!(off < most, "{law}: {off}° off in cycle {cycle}, saturation {saturation}");
             }
         }
     }
-    assert!(saturated > 2000, "{saturated}");
+    assert!(saturated > 2000, "{law}: {saturated}");
 }
 
 #[test]

@@ -12,9 +12,12 @@ use super::{Law, LoopGains, MOST_SENSITIVE, TorqueLoop, is_stable};
 
 /// From which the design chooses.
 pub(super) const FILTERS_1_S: [f64; 9] = [10.0, 15.0, 20.0, 30.0, 40.0, 60.0, 100.0, 200.0, 400.0];
-pub(super) const KP_1_S: [f64; 14] =
-    [0.3, 0.5, 0.7, 0.85, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0];
+const KP_1_S: [f64; 14] = [0.3, 0.5, 0.7, 0.85, 1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 15.0];
 pub(super) const OBSERVERS_1_S: [f64; 4] = [1.0, 2.0, 4.0, 8.0];
+/// And for heavy platforms: M·g passes by the low-pass, and what a tread bears of it doesn't grow with M.
+const SLOW_OBSERVERS_1_S: [f64; 2] = [0.25, 0.5];
+/// A quick one takes a push that a stiff loop bears alone: it is taken where it leaves this part of the stiffness with a slow one.
+const LEFT_BY_A_QUICK_ONE: f64 = 0.5;
 /// The greatest K that is tried, over the heaviest platform, 1/s, and steps between those that are.
 pub(super) const GREATEST_1_S: f64 = 60.0;
 pub(super) const GAIN_STEP: f64 = 0.93;
@@ -53,13 +56,23 @@ impl TorqueLoop {
     /// Without an observer, beside the margins, K ≥ m·Kp for the heaviest platform: then what the law loses in a cycle exceeds what its own
     /// correction puts in, whatever it has learnt (J.-J. E. Slotine and W. Li, *Applied Nonlinear Control*, 1991, section 9.2).
     pub fn design(&self) -> Option<LoopGains> {
+        if self.observed_body <= 0.0 {
+            return self.stiffest(&[0.0]);
+        }
+        let (quick, slow) = (self.stiffest(&OBSERVERS_1_S), self.stiffest(&SLOW_OBSERVERS_1_S));
+        let least = slow.map_or(0.0, |slow| LEFT_BY_A_QUICK_ONE * slow.stiffness());
+        quick.filter(|quick| quick.stiffness() >= least).or(slow)
+    }
+
+    /// The stiffest gains with one of these rates of an observer.
+    fn stiffest(&self, observers_1_s: &[f64]) -> Option<LoopGains> {
         let frequencies = self.frequencies();
         let looked = |plant| Looked { plant: self.response(&plant, &frequencies), worst: 0 };
         let mut plants: Vec<Looked> = self.plants().into_iter().map(looked).collect();
         let mut candidates = Vec::new();
         for filter_1_s in FILTERS_1_S {
             let low_pass = self.low_pass(filter_1_s, &frequencies);
-            for (kp_1_s, observer_1_s) in self.rates() {
+            for (kp_1_s, observer_1_s) in rates(observers_1_s) {
                 let damping = GREATEST_1_S * self.body[1];
                 let gains = LoopGains { damping, kp_1_s, filter_1_s, observer_1_s };
                 candidates.push(Candidate {
@@ -92,20 +105,19 @@ impl TorqueLoop {
         })
     }
 
-    /// The rates of which each is looked at, 1/s: Kp and an observer's.
-    pub(super) fn rates(&self) -> impl Iterator<Item = (f64, f64)> {
-        let observers: &[f64] = if self.observed_body > 0.0 { &OBSERVERS_1_S } else { &[0.0] };
-        KP_1_S
-            .into_iter()
-            .flat_map(|kp_1_s| observers.iter().map(move |observer_1_s| (kp_1_s, *observer_1_s)))
-    }
-
     /// The K below which a Kp isn't looked at: m·Kp of the heaviest platform, below which nothing is proved of a law that learns; of the
     /// lightest with an observer, which is as linear as the rest of the loop.
     pub(in crate::controllers) fn least(&self, kp_1_s: f64) -> f64 {
         let [light, heavy] = self.body;
         kp_1_s * if self.observed_body > 0.0 { light } else { heavy }
     }
+}
+
+/// The rates of which each is looked at, 1/s: Kp and an observer's.
+pub(super) fn rates(observers_1_s: &[f64]) -> impl Iterator<Item = (f64, f64)> {
+    KP_1_S
+        .into_iter()
+        .flat_map(move |kp_1_s| observers_1_s.iter().map(move |observer_1_s| (kp_1_s, *observer_1_s)))
 }
 
 /// The place of the candidate that may be the stiffest, where one may be so stiff.

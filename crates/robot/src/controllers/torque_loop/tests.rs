@@ -1,4 +1,4 @@
-use super::design::{FILTERS_1_S, GAIN_STEP, GREATEST_1_S};
+use super::design::{FILTERS_1_S, GAIN_STEP, GREATEST_1_S, OBSERVERS_1_S, rates};
 use super::*;
 
 /// `robots/bmm.toml`, along x and y and about the vertical: three wheels at 120°, Σb² = 1.5 and p1² + 2p².
@@ -173,10 +173,11 @@ fn between_the_stiffnesses_that_were_looked_at_nothing_hides() {
 fn by_trial(axis: &TorqueLoop) -> Option<LoopGains> {
     let frequencies = axis.frequencies();
     let mut plants: Vec<_> = axis.plants().iter().map(|plant| axis.response(plant, &frequencies)).collect();
+    let observers_1_s: &[f64] = if axis.observed_body > 0.0 { &OBSERVERS_1_S } else { &[0.0] };
     let mut best: Option<LoopGains> = None;
     for filter_1_s in FILTERS_1_S {
         let low_pass = axis.low_pass(filter_1_s, &frequencies);
-        for (kp_1_s, observer_1_s) in axis.rates() {
+        for (kp_1_s, observer_1_s) in rates(observers_1_s) {
             let mut damping = GREATEST_1_S * axis.body[1];
             let gains = LoopGains { damping, kp_1_s, filter_1_s, observer_1_s };
             let law = axis.law(&gains, &low_pass, &frequencies);
