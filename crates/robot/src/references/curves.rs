@@ -295,8 +295,11 @@ mod tests {
             }
         }
         for (lines, expected) in [
-            (format!("{points}{speeds}"), "start_speed_m_s: a way is passed"),
-            ("kind = \"circle\"\nradius_m = 1\nend_speed_m_s = 0.2".into(), "end_speed_m_s: a way is passed"),
+            (format!("{points}{speeds}"), "start_speed_m_s: a motion has speeds of its own"),
+            (
+                "kind = \"circle\"\nradius_m = 1\nend_speed_m_s = 0.2".into(),
+                "end_speed_m_s: a motion has speeds of its own",
+            ),
             (
                 format!("{points}timing = \"fastest\"\nend_speed_m_s = 1.2"),
                 "end_speed_m_s: its end can't be passed at 1.2 m/s: the limits leave",

@@ -3,7 +3,7 @@
 use omnibase_platform::Pose2;
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::signals::{CycleRecord, SafetyReason};
-use omnibase_robot::{Phase, RequestKind};
+use omnibase_robot::{Phase, Registry, RequestKind, RobotPlan};
 
 use super::support::{BMM, Bench, plan};
 
@@ -105,4 +105,28 @@ fn what_stays_in_a_path_that_is_kept_ends_it_on_the_path() {
     assert!(off_m < ON_PATH_M && off_path_m(&path, &record) < ON_PATH_M, "{off_m} m off its path");
     // As near as is kept, and hardly farther.
     assert!((0.099..0.2).contains(&nearest_m), "{nearest_m} m");
+}
+
+#[test]
+fn a_fastest_motion_keeps_to_speeds_of_its_own_and_others_have_none() {
+    let path = "[reference]\nkind = \"path\"\ncorner_m = 0.1\npoints = [[0, 0, 0, 0], [4, 2, 0, 0], [8, 2, 2, 1.5]]\n\
+        speed_m_s = 0.3\nturn_speed_rad_s = 0.2\n";
+    let mut bench = Bench::new(plan(&format!("{BMM}\n{path}timing = \"fastest\"\n")));
+    bench.enable();
+    bench.step(Some(RequestKind::Track));
+    let mut most = [0.0_f64; 2];
+    while bench.robot.phase() == Phase::Tracking {
+        let twist = bench.step(None).setpoint.twist_in_odom;
+        most = [most[0].max(twist.speed_m_s()), most[1].max(twist.w_rad_s.abs())];
+    }
+    assert!((0.28..0.3 + 1e-6).contains(&most[0]) && most[1] <= 0.2 + 1e-6, "{most:?}");
+    let refused = |timing: &str| {
+        let text = format!("{BMM}\n{path}timing = \"{timing}\"\n");
+        let problems = RobotPlan::from_toml(&text, &Registry::with_built_in(), &|_| Err(String::new()));
+        problems.unwrap_err()[0].to_string()
+    };
+    for timing in ["as_given", "stretched"] {
+        let text = refused(timing);
+        assert!(text.contains("reference.speed_m_s") && text.contains("\"fastest\""), "{text}");
+    }
 }

@@ -86,7 +86,8 @@ fn what_no_chosen_kind_reads_is_refused_with_what_it_reads() {
     assert_eq!((value.as_str(), reason.as_str()), ("0.1", "the reference `circle` doesn't read it"));
     assert_eq!(
         limit,
-        "correction, correction_file, duration_s, end_speed_m_s, frame, heading, period_s, radius_m, start_speed_m_s, timing, turns"
+        "correction, correction_file, duration_s, end_speed_m_s, frame, heading, obstacles, period_s, radius_m, speed_m_s, \
+         start_speed_m_s, timing, turn_speed_rad_s, turns"
     );
     let hold = format!("{BMM}\n[reference]\npoints = [[0, 0, 0, 0]]\n");
     let (value, reason, limit) = unread(&hold, "reference.points");
