@@ -52,7 +52,7 @@ fn a_robot_drives_around_walls_and_around_what_comes_and_says_why_it_gives_up() 
     let lowest = over.map(|pose| pose[1].as_f64().unwrap()).fold(f64::INFINITY, f64::min);
     assert!((0.6..1.5).contains(&lowest), "it passed the wall at y {lowest} m");
 
-    // Back; something comes onto the way above the wall. Again where a busy machine put it there too late.
+    // Back; something comes onto the way above the wall. Again where a busy machine put it there too late, or had no time to plan.
     let again = |from: [f64; 3]| {
         assert_eq!(robot.call(&json!({ "do": "remove_obstacle", "index": 0 })).1["done"], true);
         drive(&robot, from);
@@ -65,7 +65,10 @@ fn a_robot_drives_around_walls_and_around_what_comes_and_says_why_it_gives_up() 
         let has_planned = || way(&robot)["text"].as_str().unwrap().contains("planned again 1 times");
         robot.wait("it is planned again, or over", |_| has_planned() || way(&robot)["under_way"] == false);
         let has_planned = has_planned();
-        assert_eq!(ended(&robot)["text"], "there");
+        let how = ended(&robot)["text"].as_str().unwrap().to_owned();
+        let had_no_time = how.contains(NO_TIME[0]);
+        assert!(how == "there" || had_no_time, "{how}");
+        let has_planned = has_planned && !had_no_time;
         if !has_planned {
             again([2.8, 0.0, 0.0]);
         }
