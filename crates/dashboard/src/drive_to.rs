@@ -320,7 +320,7 @@ impl DriveTo {
         let Stage::Driving { poses, obstacles, walls, is_seen, .. } = &mut drive.stage else { return None };
         *is_seen = true;
         let here = snapshot.record.setpoint.odom_from_body;
-        let spread_m = spread_m(&snapshot.record.state, &about.robot.plan.guard.footprint_m);
+        let spread_m = spread(about, snapshot);
         let now = new_obstacles(&snapshot.obstacles, obstacles);
         // Walls that were drawn meanwhile: it is planned anew whatever they are.
         let is_blocked = *walls != self.walls_number()
@@ -399,7 +399,7 @@ impl Drive {
             lead: &lead,
             to: self.goal,
             obstacles: &obstacles,
-            spread_m: spread_m(&snapshot.record.state, &about.robot.plan.guard.footprint_m),
+            spread_m: spread(about, snapshot),
             fence_m: snapshot.fence.corners_m(),
             walls_m: &walls.polygons_m,
             best: self.best,
@@ -435,6 +435,11 @@ impl Drive {
         let text = format!("{:.2} m in {:.1} s", timed.plan.length_m, timed.duration_s);
         Ok(Begun { ticket, text, number, table: timed.table })
     }
+}
+
+/// How far the footprint may truly be from where it is believed to be, at one standard deviation, m.
+fn spread(about: &RobotInfo, snapshot: &Snapshot) -> f64 {
+    spread_m(&snapshot.record.state, &about.robot.plan.guard.footprint_m)
 }
 
 /// Whoever asked waits no more, or perhaps no more.

@@ -2,6 +2,7 @@
 //! virtual cable (skipped loudly without the rights for one).
 
 mod field;
+mod memory;
 
 use omnibase_ethercat_wire::sii;
 use omnibase_host::Namespace;

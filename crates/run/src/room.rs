@@ -351,10 +351,7 @@ impl Room {
         if let Some(at) = sweep.touches([0.0, duration_s], fastest_m_s, &pose) {
             return Err(RoomError::Touches { at });
         }
-        if let Some(at) = stop_touches(&*reference, duration_s, begun, limits, &mut |stop| {
-            let pose = |time_s: f64| at_time(stop, time_s);
-            sweep.touches([0.0, STOP_STEP_S * (stop.len() - 1) as f64], fastest_m_s, &pose)
-        }) {
+        if let Some(at) = self.stop_touches(&*reference, duration_s, begun, limits, &mut sweep) {
             return Err(RoomError::StopTouches { at });
         }
         if way.until.is_over() {
@@ -362,47 +359,34 @@ impl Room {
         }
         Ok((table, reference, duration_s))
     }
-}
 
-/// Where a stop from somewhere on a motion touches anything, by what looks at a stop: its poses, step by step. It is made as the robot
-/// makes it.
-fn stop_touches(
-    reference: &dyn Reference,
-    duration_s: f64,
-    begun: Pose2,
-    limits: &Limits,
-    touches: &mut dyn FnMut(&[Pose2]) -> Option<Pose2>,
-) -> Option<Pose2> {
-    let mut limiter = Limiter::new(limits, STOP_STEP_S).ok()?;
-    limiter.reset(begun);
-    let mut poses = Vec::new();
-    for number in 1..=(duration_s / STOP_STEP_S).ceil() as u32 {
-        limiter.follow(&reference.preview(STOP_STEP_S * f64::from(number))?);
-        if !number.is_multiple_of(STOP_EVERY) {
-            continue;
+    /// Where a stop from somewhere on a motion touches anything: made as the robot makes it.
+    fn stop_touches(
+        &self,
+        reference: &dyn Reference,
+        duration_s: f64,
+        begun: Pose2,
+        limits: &Limits,
+        sweep: &mut Sweep<'_>,
+    ) -> Option<Pose2> {
+        let mut limiter = Limiter::new(limits, STOP_STEP_S).ok()?;
+        limiter.reset(begun);
+        for number in 1..=(duration_s / STOP_STEP_S).ceil() as u32 {
+            let mut from =
+                limiter.follow(&reference.preview(STOP_STEP_S * f64::from(number))?).odom_from_body;
+            if !number.is_multiple_of(STOP_EVERY) {
+                continue;
+            }
+            let mut stopping = limiter.clone();
+            while !stopping.is_at_rest() {
+                let to = stopping.toward(Twist2::default()).odom_from_body;
+                if !sweep.passes([&from, &to], &self.footprint) {
+                    return Some(to);
+                }
+                from = to;
+            }
         }
-        poses.clear();
-        poses.push(limiter.setpoint().odom_from_body);
-        let mut stopping = limiter.clone();
-        while !stopping.is_at_rest() {
-            poses.push(stopping.toward(Twist2::default()).odom_from_body);
-        }
-        if let Some(at) = touches(&poses) {
-            return Some(at);
-        }
-    }
-    None
-}
-
-/// A pose between those of steps.
-fn at_time(poses: &[Pose2], time_s: f64) -> Pose2 {
-    let step = (time_s / STOP_STEP_S).max(0.0);
-    let at = (step as usize).min(poses.len() - 1);
-    let (from, to, part) = (poses[at], poses[(at + 1).min(poses.len() - 1)], step - at as f64);
-    Pose2 {
-        x_m: from.x_m + part * (to.x_m - from.x_m),
-        y_m: from.y_m + part * (to.y_m - from.y_m),
-        heading_rad: from.heading_rad + part * (to.heading_rad - from.heading_rad),
+        None
     }
 }
 

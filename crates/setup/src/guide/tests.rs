@@ -1,0 +1,196 @@
+//! What the guide believes of drives that it sees again, and how a jog begins.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use omnibase_ethercat::wire::{HostTime, LinkError};
+use omnibase_ethercat_sim::VirtualClock;
+
+use super::*;
+
+const BASE: &str = include_str!("../../../../robots/bmm.toml");
+
+/// A guide that found what is on a bus, looked at.
+fn with_found(
+    base: &str,
+    open: Open<'_, VirtualClock>,
+    hand: &mut dyn Hand,
+    look: impl FnOnce(&mut Guide<'_, VirtualClock>),
+) {
+    let (mut keep, mut back_up) = (|_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
+    let outside = Outside { hand, keep: &mut keep, back_up: &mut back_up };
+    let mut guide = Guide::new(Wished::new(base.to_owned()), Record::default(), open, outside).unwrap();
+    guide.find().unwrap();
+    look(&mut guide);
+}
+
+struct Nobody;
+
+impl Hand for Nobody {
+    fn ask(&mut self, _: &Question) -> Answer {
+        Answer::Leave
+    }
+
+    fn tell(&mut self, _: &str) {}
+
+    fn take_key(&mut self, _: &str) {}
+
+    fn key(&mut self) -> crate::Key {
+        crate::Key::Gone
+    }
+}
+
+/// A file with two products: a drive is told the speed of its own wheel or product, and the least where neither is known.
+#[test]
+fn each_drive_has_its_own_scale() {
+    let mut document: toml_edit::DocumentMut = BASE.parse().unwrap();
+    let drives = document["drive"].as_array_of_tables_mut().unwrap();
+    for (table, (gear, product)) in drives.iter_mut().zip([(10.0, 1), (1.0, 2), (5.0, 2)]) {
+        table["gear_ratio"] = toml_edit::value(gear);
+        table["product_code"] = toml_edit::value(format!("0x{product}"));
+    }
+    let (mut hand, mut keep) = (Nobody, |_: &Record| Ok(()));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Err("nothing is opened".to_owned()) };
+    let mut back_up = |_: u16, _: &[u8]| Ok(());
+    let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
+    let guide = Guide::new(Wished::new(document.to_string()), Record::default(), &mut open, outside).unwrap();
+    let gear = |wheel: Option<&str>, product_code| {
+        let identity = guide.plan.drives[0].identity;
+        let drive = FoundDrive {
+            wheel: wheel.map(str::to_owned),
+            vendor_id: identity.vendor_id.unwrap_or_default(),
+            product_code,
+            ..FoundDrive::default()
+        };
+        guide.scale_of(&drive).gear_ratio
+    };
+    assert_eq!([1, 2, 3].map(|product| gear(None, product)), [10.0, 1.0, 1.0]);
+    assert_eq!(["wheel_1", "wheel_2", "wheel_3"].map(|wheel| gear(Some(wheel), 2)), [10.0, 1.0, 5.0]);
+}
+
+/// Drives are known by what tells them apart; an alias that was written counts as its own.
+#[test]
+fn a_drive_is_known_by_its_numbers_alias_and_switch() {
+    let was = FoundDrive { serial: 1, alias: Some(5), written_alias: Some(7), ..FoundDrive::default() };
+    let with = |alias| FoundDrive { alias, written_alias: None, ..was.clone() };
+    assert!(is_it(&was, &with(Some(5))) && is_it(&was, &with(Some(7))));
+    assert!(!is_it(&was, &with(Some(6))) && !is_it(&was, &with(None)));
+    assert!(!is_it(&was, &FoundDrive { serial: 2, ..was.clone() }));
+    let shows = |identification| FoundDrive { identification, ..was.clone() };
+    assert!(is_it(&was, &shows(Some(3))), "a switch that wasn't chosen");
+    assert!(!is_it(&shows(Some(3)), &shows(Some(4))));
+}
+
+/// An alias that was written is believed once its drive alone has it: who is no drive has it, too.
+#[test]
+fn a_written_alias_that_another_has_is_not_believed() {
+    let segment = |alias_of_another: u16| {
+        let text = format!(
+            "[[subdevice]]\nkind = \"servo\"\nalias = 7\n[[subdevice]]\nkind = \"servo\"\ncount = 2\n\
+             [[subdevice]]\nkind = \"digital-io\"\ninputs = 8\nalias = {alias_of_another}\n"
+        );
+        omnibase_ethercat_sim::SegmentFile::parse(&text).unwrap().build(std::path::Path::new(".")).unwrap()
+    };
+    for (another, expected) in [(8, (Some(7), None)), (7, (None, Some(7)))] {
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            let (link, clock) = omnibase_ethercat_sim::in_process(segment(another));
+            Ok((Box::new(link), clock))
+        };
+        with_found(BASE, &mut open, &mut Nobody, |guide| {
+            (guide.record.drives[0].alias, guide.record.drives[0].written_alias) = (None, Some(7));
+            guide.compare().unwrap();
+            let drive = &guide.record.drives[0];
+            assert_eq!((drive.alias, drive.written_alias), expected, "the other one has {another}");
+        });
+    }
+}
+
+/// Says that drives may have been swapped.
+struct Doubting(Vec<String>);
+
+impl Hand for Doubting {
+    fn ask(&mut self, question: &Question) -> Answer {
+        self.0.push(question.text.clone());
+        Answer::Said("jog again".to_owned())
+    }
+
+    fn tell(&mut self, _: &str) {}
+
+    fn take_key(&mut self, _: &str) {}
+
+    fn key(&mut self) -> crate::Key {
+        crate::Key::Gone
+    }
+}
+
+/// Nobody knows whether drives that look alike were swapped while the set-up was left: it is asked, and they are jogged again.
+#[test]
+fn drives_that_look_alike_are_jogged_again_where_nobody_knows_their_places() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+        let (segment, _) = omnibase_run::simulated::segment(&plan).map_err(|error| error.to_string())?;
+        let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+        Ok((Box::new(link), clock))
+    };
+    let mut hand = Doubting(Vec::new());
+    with_found(BASE, &mut open, &mut hand, |guide| {
+        guide.record.done = vec![Step::Find, Step::Jog, Step::Name];
+        for (drive, serial) in guide.record.drives.iter_mut().zip([0, 0, 9]) {
+            (drive.wheel, drive.serial) = (Some(format!("wheel_{}", drive.position + 1)), serial);
+        }
+        assert!(guide.are_in_their_places().unwrap());
+        assert_eq!(guide.record.done, [Step::Find]);
+        assert!(guide.record.drives.iter().all(|drive| drive.wheel.is_none()));
+    });
+    assert!(hand.0.len() == 1 && hand.0[0].contains("SubDevices 0, 1 from others"), "{:?}", hand.0);
+}
+
+/// Keeps what is sent.
+struct Kept {
+    link: omnibase_ethercat_sim::SimLink,
+    sent: Rc<RefCell<Vec<Vec<u8>>>>,
+}
+
+impl Link for Kept {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        self.sent.borrow_mut().push(frame.to_vec());
+        self.link.send(frame)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        self.link.receive(buffer, deadline)
+    }
+}
+
+/// What the file has written at every start is written for a jog, too, where every drive of the product has it.
+#[test]
+fn a_jog_begins_as_the_robot_does() {
+    let of_all = "parameters = [{ object = \"2100\", type = \"u8\", value = 0x51, state = \"safe_op\" }, ";
+    let of_one = "[[drive]]\nparameters = [{ object = \"2200\", type = \"u8\", value = 0x52 }]\n";
+    let terminal = "[[device]]\nname = \"coupler\"\nposition = 3\nkind = \"io\"\n\
+                    outputs = [{ pdo = \"0x1600\", map = \"7000.1:16\" }]\n\
+                    output = [{ name = \"level\", object = \"7000.1\", type = \"u16\" }]\n\
+                    parameters = [{ object = \"8000.1\", type = \"u8\", value = 0x53 }]\n";
+    let base = BASE.replacen("parameters = [", of_all, 1).replacen("[[drive]]\n", of_one, 1) + terminal;
+    let plan = robot_file::plan(&base, &Registry::with_built_in()).unwrap();
+    let sent = Rc::new(RefCell::new(Vec::new()));
+    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+        let (segment, _) = omnibase_run::simulated::segment(&plan).map_err(|error| error.to_string())?;
+        let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+        Ok((Box::new(Kept { link, sent: Rc::clone(&sent) }), clock))
+    };
+    with_found(&base, &mut open, &mut Nobody, |guide| {
+        sent.borrow_mut().clear();
+        guide.operational().unwrap();
+        let count = |object: [u8; 2], subindex: u8, value: u8| {
+            let bytes = [object[1], object[0], subindex, value];
+            sent.borrow().iter().filter(|frame| frame.windows(4).any(|part| part == bytes)).count()
+        };
+        assert_eq!(count([0x21, 0x00], 0, 0x51), 3, "each drive, in SAFE-OP");
+        assert_eq!(count([0x80, 0x00], 1, 0x53), 1, "the coupler");
+        assert_eq!(count([0x22, 0x00], 0, 0x52), 0, "whose wheel it turns isn't known");
+        let was: Vec<u16> = guide.record.drives[0].was.iter().map(|(index, ..)| *index).collect();
+        assert!(was.contains(&0x6085) && was.contains(&0x6072) && !was.contains(&0x2100), "{was:04x?}");
+    });
+}
