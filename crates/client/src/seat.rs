@@ -59,9 +59,19 @@ pub struct Seat {
     is_blocked: bool,
     recovers: bool,
     hand: Hand,
+    let_go: LetGo,
     /// Why the robot stopped while this program drove it.
     stopped: Option<String>,
     number: u64,
+}
+
+/// Whether the robot has heard of the last let-go. What it said before that tells nothing of who drives since.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum LetGo {
+    /// Its answer has this number, and is waited for.
+    Asked(u64),
+    /// It had, when its clock stood there, ms.
+    Heard(u64),
 }
 
 /// What the stick does.
@@ -89,6 +99,7 @@ impl Seat {
             is_blocked: false,
             recovers: false,
             hand: Hand::Off,
+            let_go: LetGo::Heard(0),
             stopped: None,
             number: 0,
         };
@@ -146,7 +157,9 @@ impl Seat {
     /// Lets go: the robot comes to rest, and holds.
     pub fn let_go(&mut self) -> Result<(), Error> {
         self.hand = Hand::Off;
-        self.say(json!({ "do": "release_stick" }), Some(Instant::now())).map(drop)
+        let number = self.say(json!({ "do": "release_stick" }), Some(Instant::now()))?;
+        self.let_go = LetGo::Asked(number);
+        Ok(())
     }
 
     /// Says that the program lives; whoever drives says so by that.
@@ -173,6 +186,9 @@ impl Seat {
         let Some(message) = self.connection.hear(longest)? else { return Ok(None) };
         let said = read(&message)?;
         if let Some(number) = said["answer"].as_u64() {
+            if self.let_go == LetGo::Asked(number) {
+                self.let_go = LetGo::Heard(said["stamp"].as_u64().unwrap_or(self.stamp_ms));
+            }
             let (done, text) = (said["done"] == true, said["text"].as_str().unwrap_or_default().to_owned());
             return Ok(Some(Heard::Answer(Answer { number, done, text, data: said["data"].clone() })));
         }
@@ -217,7 +233,9 @@ impl Seat {
         }
         let Some(commander) = said["commander"].as_str() else { return };
         let drives = said["by_stick"] == true && commander == self.name;
+        let is_news = matches!(self.let_go, LetGo::Heard(at_ms) if self.stamp_ms > at_ms);
         let is_lost = match (self.hand, drives) {
+            _ if !is_news => false,
             (Hand::On, true) => {
                 self.hand = Hand::Drives;
                 false

@@ -167,7 +167,7 @@ impl CallHandler {
                 let twist = Twist2 { vx_m_s, vy_m_s, w_rad_s };
                 return self.send_silently(asker, Ask::Stick(StickWish::Held { twist, frame: frame.into() }));
             }
-            Call::ReleaseStick => return self.send_silently(asker, Ask::Stick(StickWish::Released)),
+            Call::ReleaseStick => Ask::Stick(StickWish::Released),
             Call::LoseStick => return self.send_silently(asker, Ask::Stick(StickWish::Lost)),
             Call::RecoverStick => return self.send_silently(asker, Ask::RecoverStick),
             Call::Alive => return self.send_silently(asker, Ask::Alive),

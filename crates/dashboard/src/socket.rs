@@ -27,6 +27,8 @@ const LONGEST_AT_ONCE: usize = 128;
 #[derive(Serialize)]
 struct Answer {
     answer: u64,
+    /// The robot's clock, ms: what was asked came to it before.
+    stamp: u64,
     #[serde(flatten)]
     said: CallResult,
 }
@@ -253,7 +255,7 @@ impl Lane {
     }
 
     fn say(&self, number: u64, said: CallResult) {
-        let _ = self.answers.try_send(Answer { answer: number, said });
+        let _ = self.answers.try_send(Answer { answer: number, stamp: self.shared.stamp(), said });
     }
 }
 
@@ -296,7 +298,7 @@ fn tell(number: u64, reply: Reply, shared: &Shared, answers: &mpsc::Sender<Answe
     let (shared, answers) = (shared.clone(), answers.clone());
     tokio::spawn(async move {
         let said = shared.finish(reply).await;
-        let _ = answers.try_send(Answer { answer: number, said });
+        let _ = answers.try_send(Answer { answer: number, stamp: shared.stamp(), said });
     });
 }
 

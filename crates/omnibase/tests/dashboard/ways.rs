@@ -67,7 +67,7 @@ fn a_robot_drives_around_walls_and_around_what_comes_and_says_why_it_gives_up() 
         let has_planned = has_planned();
         let how = ended(&robot)["text"].as_str().unwrap().to_owned();
         let had_no_time = how.contains(NO_TIME[0]);
-        assert!(how == "there" || had_no_time, "{how}");
+        assert!(how == "there" || had_no_time, "{how}; {}", robot.read("events"));
         let has_planned = has_planned && !had_no_time;
         if !has_planned {
             again([2.8, 0.0, 0.0]);

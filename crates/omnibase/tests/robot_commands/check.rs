@@ -160,3 +160,20 @@ fn ends_that_are_passed_with_a_speed_are_told_with_their_runs_whatever_the_headi
     let text = prints(&["check", "robots/bmm.toml", "--circle", "radius_m=0.5", "--timing", "fastest"]);
     assert!(!text.contains("passes its"), "{text}");
 }
+
+#[test]
+fn a_picture_of_a_motion_says_where_it_begins_and_ends() {
+    let folder = Folder::new("check-picture");
+    let picture = folder.path("motion.svg");
+    let drawn = |path: &str| {
+        prints(&["check", "robots/bmm.toml", "--path", path, "--picture", &picture]);
+        std::fs::read_to_string(&picture).unwrap()
+    };
+    let square = drawn("robots/square.dat");
+    assert!(
+        square.matches(">start, end</text>").count() == 1 && !square.contains(">start</text>"),
+        "{square}"
+    );
+    let straight = drawn(&folder.file("straight.dat", "0 0 0 0\n4 1 0 0\n"));
+    assert!(straight.contains(">start</text>") && straight.contains(">end</text>"), "{straight}");
+}

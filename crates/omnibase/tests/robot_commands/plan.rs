@@ -18,6 +18,7 @@ fn a_way_through_an_office_is_found_drawn_written_and_driven() {
     assert!((end[0] - 3.0).abs() + (end[1] - 2.3).abs() + (end[2] - 0.8).abs() < 1e-9, "{end:?}");
     let svg = std::fs::read_to_string(&picture).unwrap();
     assert!(svg.starts_with("<svg") && svg.contains("<polygon") && svg.ends_with("</svg>\n"));
+    assert!(svg.contains(">start</text>") && svg.contains(">goal</text>"));
     let driven = prints(&["run", "robots/bmm.toml", "--path", &points, "--timing", "fastest"]);
     assert!(driven.contains("final"), "{driven}");
 }

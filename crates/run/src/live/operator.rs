@@ -254,7 +254,13 @@ impl Operator {
                 self.forget_stick(client);
             }
             Ask::PagesLost => self.pages_lost(),
-            Ask::Stick(wish) => self.take_wish(now_ns, client, wish, stamp),
+            Ask::Stick(wish) => {
+                self.take_wish(now_ns, client, wish, stamp);
+                // Wishes come many times a second: the last one alone is answered.
+                if wish == StickWish::Released {
+                    self.answer(ticket, Answer::Done);
+                }
+            }
             Ask::EnableStick(of) => self.enable(client, ticket, of),
             Ask::RecoverStick => self.recover_stick(client),
             Ask::EndMotion => self.end_motion(client, ticket),

@@ -130,8 +130,28 @@ pub(in crate::commands) fn svg(plan: &RobotPlan, run: &DryRun) -> String {
         let points: Vec<String> = stroke.iter().map(|moment| floor.at(place(moment))).collect();
         picture += &line(&points, *limit);
     }
+    picture += &end_words(run, &floor);
     picture += &speeds(run, &strokes, top);
     picture + "</svg>\n"
+}
+
+/// Which end is which; one word where it comes back to its start.
+fn end_words(run: &DryRun, floor: &Floor) -> String {
+    let Some((start, end)) = run.moments.first().zip(run.moments.last()) else { return String::new() };
+    let [start, end] = [start, end].map(|moment| moment.setpoint.odom_from_body);
+    let is_closed = start.distance_m(end) < 0.01;
+    let words = if is_closed { vec![(start, "start, end")] } else { vec![(start, "start"), (end, "end")] };
+    let mut text = String::new();
+    for (pose, word) in words {
+        let at = floor.at([pose.x_m, pose.y_m]);
+        let (x, y) = at.split_once(',').unwrap_or_default();
+        let _ = writeln!(
+            text,
+            "<text x=\"{x}\" y=\"{y}\" dy=\"-8\" text-anchor=\"middle\" font-weight=\"600\" stroke=\"#fff\" stroke-width=\"4\" \
+             paint-order=\"stroke\">{word}</text>"
+        );
+    }
+    text
 }
 
 fn legend(run: &DryRun) -> String {

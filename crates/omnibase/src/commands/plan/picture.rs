@@ -104,6 +104,7 @@ pub(super) fn draw(name: &str, space: &Space, footprint: &Footprint, plan: &Plan
             from[0], from[1], to[0], to[1]
         );
     }
+    end_words(&mut svg, footprint, plan, &sheet);
     legend(&mut svg, name, [height, greatest_m_s], plan);
     svg + "</svg>\n"
 }
@@ -161,6 +162,20 @@ fn outlines(svg: &mut String, footprint: &Footprint, plan: &Plan, sheet: &Sheet)
             svg,
             "<polyline points=\"{}\" stroke=\"#0b66c3\" stroke-width=\"{width}\"/>",
             sheet.points(&ends)
+        );
+    }
+}
+
+/// Which end is which, above the robot there.
+fn end_words(svg: &mut String, footprint: &Footprint, plan: &Plan, sheet: &Sheet) {
+    let Some((start, goal)) = plan.poses.first().zip(plan.poses.last()) else { return };
+    for (pose, word) in [(start, "start"), (goal, "goal")] {
+        let [x, y] = sheet.at([pose.x_m, pose.y_m + footprint.outer_radius_m()]);
+        let [x, y] = [x.clamp(24.0, sheet.size[0] - 24.0), (y - 4.0).max(16.0)];
+        let _ = writeln!(
+            svg,
+            "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"middle\" font-weight=\"600\" fill=\"#14202b\" stroke=\"#fff\" \
+             stroke-width=\"4\" paint-order=\"stroke\">{word}</text>"
         );
     }
 }
