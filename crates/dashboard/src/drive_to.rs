@@ -39,6 +39,8 @@ const THERE: f64 = 0.02;
 const LONGEST: Duration = Duration::from_secs(1);
 /// Whoever asked so long ago may have given up: nothing begins for them.
 const TOO_LATE: Duration = Duration::from_millis(3500);
+/// A drive that got farther than this from where it was held up got on, m and rad.
+const GOT_ON: f64 = 0.1;
 /// Slower than this it stands, m/s and rad/s.
 const STANDS: f64 = 0.01;
 /// A robot that moves goes on for so long until another way is planned, s; and places that are kept of where it goes.
@@ -66,6 +68,23 @@ struct Drive {
     before: u32,
     stage: Stage,
     since: Instant,
+    held_up: Option<HeldUp>,
+}
+
+/// Where a drive gets no farther, and since when.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct HeldUp {
+    at: Pose2,
+    since: Instant,
+}
+
+impl HeldUp {
+    /// It is held up here now; that began when it was held up about here before.
+    fn again(before: Option<HeldUp>, here: Pose2, now: Instant) -> HeldUp {
+        let turned_rad = |at: &Pose2| omnibase_platform::wrap_angle_rad(at.heading_rad - here.heading_rad);
+        let is_same = |one: &HeldUp| one.at.distance_m(here) < GOT_ON && turned_rad(&one.at).abs() < GOT_ON;
+        before.filter(is_same).unwrap_or(HeldUp { at: here, since: now })
+    }
 }
 
 #[derive(Clone, Debug)]
@@ -187,6 +206,7 @@ impl DriveTo {
             before: snapshot.reference,
             stage: Stage::Blocked { tried: None },
             since: Instant::now(),
+            held_up: None,
         };
         let begun = drive.go(live, about, &snapshot, waiting, self)?;
         self.keep(drive, Some(begun.text.clone()));
@@ -277,14 +297,14 @@ impl DriveTo {
             Stage::Driving { is_seen, ticket, .. } => {
                 let is_own = snapshot.reference == drive.number && follows(&snapshot);
                 match snapshot.phase {
-                    _ if is_refused(live, *ticket) => self.pause(live, drive),
+                    _ if is_refused(live, *ticket) => self.pause(live, about, drive, &snapshot),
                     Phase::Tracking if is_own => return self.watch(live, about, drive, &snapshot),
                     _ if !is_seen && drive.since.elapsed() < BEGINS => {}
                     Phase::Holding if is_there(&snapshot, &drive.goal) => self.end(live, &drive, Ok("there")),
                     Phase::Stopping | Phase::Holding
                         if snapshot.record.stop_reason == SafetyReason::WayBlocked && *is_seen =>
                     {
-                        self.block(drive);
+                        self.block(live, about, drive, &snapshot);
                     }
                     _ => self.end(live, &drive, Err("somebody or something else stopped it")),
                 }
@@ -331,7 +351,7 @@ impl DriveTo {
         }
         let mut other = drive.clone();
         let Ok(begun) = other.go(live, about, snapshot, &Waiting::here(), self) else {
-            self.pause(live, drive);
+            self.pause(live, about, drive, snapshot);
             return None;
         };
         Some(self.go_on(live, other, begun))
@@ -346,13 +366,24 @@ impl DriveTo {
         begun
     }
 
-    fn pause(&self, live: &Live, drive: Drive) {
+    fn pause(&self, live: &Live, about: &RobotInfo, drive: Drive, snapshot: &Snapshot) {
         live.send(drive.asker, Ask::Robot(RequestKind::Pause));
-        self.block(drive);
+        self.block(live, about, drive, snapshot);
     }
 
-    fn block(&self, mut drive: Drive) {
-        (drive.stage, drive.since) = (Stage::Blocked { tried: None }, Instant::now());
+    /// It waits to be planned again, unless it got no farther since that was done.
+    fn block(&self, live: &Live, about: &RobotInfo, mut drive: Drive, snapshot: &Snapshot) {
+        let now = Instant::now();
+        let held_up = HeldUp::again(drive.held_up, snapshot.record.setpoint.odom_from_body, now);
+        if (now - held_up.since).as_secs_f64() >= about.robot.plan.guard.give_up_s {
+            return self.end(
+                live,
+                &drive,
+                Err("however it is planned, it gets no farther from where it stands"),
+            );
+        }
+        drive.held_up = Some(held_up);
+        (drive.stage, drive.since) = (Stage::Blocked { tried: None }, now);
         self.keep(drive, Some("the way is blocked: it is planned again".to_owned()));
     }
 
@@ -530,4 +561,22 @@ fn is_there(snapshot: &Snapshot, goal: &Pose2) -> bool {
     let here = snapshot.record.setpoint.odom_from_body;
     let turned = omnibase_platform::wrap_angle_rad(here.heading_rad - goal.heading_rad).abs();
     here.distance_m(*goal) < THERE && turned < THERE
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn who_is_held_up_at_one_place_again_and_again_is_so_since_the_first_time() {
+        let begun = Instant::now();
+        let later = |seconds| begun + Duration::from_secs(seconds);
+        let first = HeldUp::again(None, Pose2::new(1.0, 2.0, 3.14), begun);
+        let second = HeldUp::again(Some(first), Pose2::new(1.05, 2.0, -3.14), later(1));
+        assert_eq!(second, first);
+        for elsewhere in [Pose2::new(1.2, 2.0, 3.14), Pose2::new(1.0, 2.0, 2.9)] {
+            let third = HeldUp::again(Some(second), elsewhere, later(2));
+            assert_eq!(third, HeldUp { at: elsewhere, since: later(2) });
+        }
+    }
 }

@@ -26,7 +26,7 @@ use crate::shared::{SaidNow, Shared, stamp_of};
 use crate::socket;
 use crate::states::{self, Chosen, Wanted};
 use crate::status::{Counters, EventSeen, StatusMessage};
-use crate::work::{Busy, For, Waiting};
+use crate::work::{For, NotComputed, Waiting};
 
 /// The longest body of a request, such as a path.
 const LONGEST_BODY: usize = 256 * 1024;
@@ -233,14 +233,14 @@ fn said(said: CallResult) -> Response {
 }
 
 /// Reads a message, elsewhere where it is long.
-async fn read(shared: &Shared, body: Bytes) -> Result<Result<Message, String>, Busy> {
+async fn read(shared: &Shared, body: Bytes) -> Result<Result<Message, String>, NotComputed> {
     if body.len() <= READ_AT_ONCE {
         return Ok(Message::read(&body));
     }
     shared.work.run(For::Commander, move || Message::read(&body)).await
 }
 
-impl IntoResponse for Busy {
+impl IntoResponse for NotComputed {
     fn into_response(self) -> Response {
         (StatusCode::SERVICE_UNAVAILABLE, [(header::RETRY_AFTER, "1")], Json(CallResult::refused(self)))
             .into_response()

@@ -15,7 +15,7 @@ const OF_DRIVES: usize = 1;
 /// The longest wait for one to begin.
 const LONGEST_WAIT: Duration = Duration::from_secs(2);
 /// How much gentler than the thread that hears stops: it comes first wherever both could run.
-const NICE: i32 = 10;
+const NICE: i32 = 5;
 
 /// Who wants something computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,10 +57,14 @@ impl Waiting {
     }
 }
 
-/// Everything is busy.
+/// Why something isn't computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("other paths are being computed: ask again when they are done")]
-pub(crate) struct Busy;
+pub(crate) enum NotComputed {
+    #[error("other paths are being computed: ask again when they are done")]
+    Others,
+    #[error("computing it failed: that is a fault of this program, told where it was started")]
+    Failed,
+}
 
 /// The threads that compute.
 #[derive(Clone)]
@@ -102,20 +106,20 @@ impl Work {
         &self,
         whom: For,
         compute: impl FnOnce() -> T + Send + 'static,
-    ) -> Result<T, Busy> {
+    ) -> Result<T, NotComputed> {
         let places = match whom {
             For::Commander => &self.commanders,
             For::Reader => &self.readers,
             For::Drive => &self.drives,
         };
         let permit = tokio::time::timeout(LONGEST_WAIT, places.clone().acquire_owned());
-        let Ok(Ok(permit)) = permit.await else { return Err(Busy) };
+        let Ok(Ok(permit)) = permit.await else { return Err(NotComputed::Others) };
         let computed = self.handle.spawn_blocking(move || {
             let computed = compute();
             drop(permit);
             computed
         });
-        computed.await.map_err(|_| Busy)
+        computed.await.map_err(|_| NotComputed::Failed)
     }
 }
 
@@ -165,6 +169,9 @@ mod tests {
         assert_eq!(begins.recv_timeout(Duration::from_secs(60)), Ok(false));
         asked.abort();
         assert_eq!(is_over.recv_timeout(Duration::from_secs(90)), Ok(true));
+        // What fails isn't told to be busy.
+        let failing = work.run::<()>(For::Reader, || panic!("on purpose"));
+        assert_eq!(runtime.block_on(failing), Err(NotComputed::Failed));
         assert!(!Waiting::here().is_over());
     }
 }

@@ -105,7 +105,7 @@ pub(crate) enum CantBegin {
     TooFar,
     /// It would end outside of the fence.
     OutsideFence,
-    /// An obstacle stands where it would begin or end.
+    /// An obstacle stands where it would begin, away from where the platform stands, or end.
     Blocked,
     /// The platform moves so that nothing leads onto the reference's beginning.
     Moving,

@@ -33,6 +33,8 @@ const SPEEDS: [f64; 6] = [1.0, 0.7, 0.5, 0.35, 0.2, 0.1];
 /// A stop is looked at in such steps, from every fourth of them on a way, s.
 const STOP_STEP_S: f64 = 0.01;
 const STOP_EVERY: u32 = 4;
+/// So many obstacles at once are left straight away from.
+const LEFT_AT_ONCE: usize = 4;
 /// Rounding of a speed.
 const SPEED_ROUNDING: f64 = 1.001;
 /// Nearer points than this are one for the timing, m and rad.
@@ -234,6 +236,12 @@ impl Room {
 
     /// From the footprint at a pose to an obstacle, m, at most: by its corners and sides.
     fn gap_m(&self, pose: &Pose2, obstacle: &Obstacle) -> f64 {
+        let [x_m, y_m] = self.from_obstacle_m(pose, obstacle);
+        x_m.hypot(y_m) - obstacle.radius_m
+    }
+
+    /// From the middle of an obstacle to the nearest place on the footprint's sides, m.
+    fn from_obstacle_m(&self, pose: &Pose2, obstacle: &Obstacle) -> [f64; 2] {
         let corners = self.footprint.placed_m(pose);
         let to_side = |at: usize| {
             let (from, to) = (corners[at], corners[(at + 1) % corners.len()]);
@@ -241,9 +249,30 @@ impl Room {
             let away = [obstacle.centre_m[0] - from[0], obstacle.centre_m[1] - from[1]];
             let square = side[0] * side[0] + side[1] * side[1];
             let part = ((away[0] * side[0] + away[1] * side[1]) / square).clamp(0.0, 1.0);
-            (away[0] - part * side[0]).hypot(away[1] - part * side[1])
+            [part * side[0] - away[0], part * side[1] - away[1]]
         };
-        (0..corners.len()).map(to_side).fold(f64::INFINITY, f64::min) - obstacle.radius_m
+        let length_m = |[x_m, y_m]: &[f64; 2]| x_m.hypot(*y_m);
+        let nearest = (0..corners.len()).map(to_side).min_by(|a, b| length_m(a).total_cmp(&length_m(b)));
+        nearest.unwrap_or([f64::INFINITY; 2])
+    }
+
+    /// Where a robot that stands inside of what is kept from obstacles is out of it: straight away from them, for the guard lets nothing
+    /// else pass there. Where it stands, where that is no way out.
+    fn way_out(&self, way: &WayRequest<'_>) -> Pose2 {
+        let (mut at, kept_m) = (way.from, self.kept_m(way.spread_m));
+        let free_m = kept_m + BESIDE_GUARD_M + self.map.as_ref().map_or(self.cell_m, |map| map.cell_m);
+        for _ in 0..LEFT_AT_ONCE {
+            let gap_m = |obstacle: &&Obstacle| self.gap_m(&at, obstacle);
+            let nearest = way.obstacles.iter().min_by(|a, b| gap_m(a).total_cmp(&gap_m(b)));
+            let Some(nearest) = nearest.filter(|nearest| gap_m(nearest) < kept_m) else { return at };
+            let [x_m, y_m] = self.from_obstacle_m(&at, nearest);
+            let (apart_m, lacks_m) = (x_m.hypot(y_m), free_m - gap_m(&nearest));
+            if apart_m <= nearest.radius_m {
+                break;
+            }
+            (at.x_m, at.y_m) = (at.x_m + lacks_m * x_m / apart_m, at.y_m + lacks_m * y_m / apart_m);
+        }
+        way.from
     }
 
     /// What the guard keeps from an obstacle, m.
@@ -309,8 +338,29 @@ impl Room {
         ability: &Ability,
         registry: &Registry,
     ) -> Result<TimedWay, RoomError> {
-        let space = self.space(way)?;
-        let mut plan = self.plan(way, &space)?;
+        let out = self.way_out(way);
+        let found = self.timed_from(out, way, ability, registry);
+        // Something else may be in the way straight out.
+        if found.is_err() && out != way.from && !way.until.is_over() {
+            return self.timed_from(way.from, way, ability, registry);
+        }
+        found
+    }
+
+    /// The best way from where what is kept from obstacles begins, behind the way out to there.
+    fn timed_from(
+        &self,
+        out: Pose2,
+        way: &WayRequest<'_>,
+        ability: &Ability,
+        registry: &Registry,
+    ) -> Result<TimedWay, RoomError> {
+        let mut space = self.space(&WayRequest { from: out, ..way.clone() })?;
+        let mut plan = self.plan(&WayRequest { from: out, ..way.clone() }, &space)?;
+        if out != way.from {
+            plan.poses.insert(0, way.from);
+            space = self.space(way)?;
+        }
         plan.poses.splice(0..0, way.lead.iter().copied());
         let mut found = Err(PlanError::Ended.into());
         for share in SPEEDS {
@@ -444,6 +494,49 @@ mod tests {
             read(b"image: map.pgm\nresolution: 0.05\norigin: [0, 0, 0]\n"),
             "map.file /map.yaml: map.pgm: expected at most 134217728 bytes, found more"
         );
+    }
+
+    #[test]
+    fn who_stands_too_near_to_an_obstacle_leaves_it_straight_and_keeps_off_it_then() {
+        let (registry, obstacle) = (
+            Registry::with_built_in(),
+            Obstacle { centre_m: [0.85, 0.1], radius_m: 0.4, velocity_m_s: [0.0; 2] },
+        );
+        let plan =
+            RobotPlan::from_toml(
+                include_str!("../../../robots/bmm.toml"),
+                &registry,
+                &|_| Err(String::new()),
+            );
+        let plan = plan.unwrap();
+        let (room, ability) = (Room::of(&plan, Path::new("")).unwrap(), Ability::of(&plan));
+        let from = Pose2 { x_m: 0.04 - room.gap_m(&Pose2::default(), &obstacle), ..Pose2::default() };
+        let from = Pose2 { x_m: -from.x_m, ..from };
+        let begins_m = room.gap_m(&from, &obstacle);
+        assert!((0.02..0.06).contains(&begins_m), "{begins_m} m");
+        let way = WayRequest {
+            from,
+            lead: &[],
+            to: Pose2::new(2.5, 0.1, 0.0),
+            obstacles: &[obstacle],
+            spread_m: 0.0,
+            fence_m: &[],
+            walls_m: &[],
+            best: BestWay::Shortest,
+            until: Until::default(),
+        };
+        let timed = room.timed(&way, &ability, &registry).unwrap();
+        let (mut gap_m, mut is_out) = (begins_m, false);
+        for step in 0..=(timed.duration_s / 0.01) as u32 {
+            let pose = timed.reference.preview(0.01 * f64::from(step)).unwrap().odom_from_body;
+            let now_m = room.gap_m(&pose, &obstacle);
+            assert!(
+                now_m > if is_out { room.kept_m(0.0) } else { gap_m - 1e-6 },
+                "{now_m} m at {pose:?}, {gap_m} m before"
+            );
+            (gap_m, is_out) = (now_m, is_out || now_m > room.kept_m(0.0));
+        }
+        assert!(is_out);
     }
 
     /// From the origin to (2.7, 1.0) through a door in a wall at x = 1.2 m to 1.3 m, so wide, m.

@@ -239,14 +239,21 @@ fn a_search_ends_where_nobody_waits_for_it() {
     let ends = [[1.5, 1.5, 1.57], [6.5, 4.5, 1.57]];
     for footprint in [long(), disc] {
         let space = room(&door);
-        let asked = std::cell::Cell::new(0);
-        let is_over = || {
-            asked.set(asked.get() + 1);
-            true
-        };
-        let task = Task { until: Until::over(&is_over), ..ask(&space, &footprint, ends) };
-        assert_eq!(plan(&task).unwrap_err(), PlanError::Ended);
-        assert!(asked.get() < 20, "{} questions after it was over", asked.get());
+        // Wherever it is by then, until it is done before.
+        let is_done = (0..1000).any(|last| {
+            let asked = std::cell::Cell::new(0);
+            let is_over = || {
+                asked.set(asked.get() + 1);
+                asked.get() > last
+            };
+            let task = Task { until: Until::over(&is_over), ..ask(&space, &footprint, ends) };
+            let found = plan(&task);
+            let late = asked.get() - last;
+            assert!(late < 100, "{late} questions after it was over");
+            assert!(found.is_ok() || found == Err(PlanError::Ended), "{found:?}");
+            found.is_ok()
+        });
+        assert!(is_done);
     }
 }
 

@@ -18,7 +18,11 @@ impl<'a, T: Copy> Queue<'a, T> {
         Queue { buckets: Vec::new(), at: 0, taken: 0, until }
     }
 
+    /// Nothing where the key is infinite: as far as is known, nothing leads from there on.
     pub(crate) fn add(&mut self, key: f32, what: T) {
+        if !key.is_finite() {
+            return;
+        }
         let bucket = (key * FINE).max(0.0) as usize;
         if bucket >= self.buckets.len() {
             self.buckets.resize_with(bucket + 1, Vec::new);

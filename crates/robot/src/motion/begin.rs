@@ -44,6 +44,11 @@ pub(super) struct Joint {
     pub(super) longer_s: f64,
 }
 
+/// Whether a path goes on from where the platform is.
+fn stands_at(here: &Pose2, place: &Pose2) -> bool {
+    here.distance_m(*place) <= ON_PATH && (here.heading_rad - place.heading_rad).abs() <= ON_PATH
+}
+
 impl Joint {
     pub(super) fn is_quick(&self) -> bool {
         self.longer_s <= 0.0
@@ -155,7 +160,8 @@ impl Motion {
         }
         let start = self.reference.start_pose().unwrap_or(here);
         let end = self.reference.end_pose(&here).unwrap_or(start);
-        if from.guard.is_blocked(&start) || from.guard.is_blocked(&end) {
+        // Whoever stands too near to something already may leave it: the guard lets the way out pass alone.
+        if !stands_at(&here, &start) && from.guard.is_blocked(&start) || from.guard.is_blocked(&end) {
             return Err(CantBegin::Blocked);
         }
         let laid_from = std::mem::replace(&mut self.laid_from, here);
@@ -260,13 +266,12 @@ impl Motion {
         }
         let left = self.reference.sample(self.time_s()).odom_from_body;
         let end = self.reference.duration_s().and_then(|end_s| self.reference.preview(end_s));
+        let here = from.pose();
+        let is_there = stands_at(&here, &left);
         let is_blocked = |pose: &Pose2| from.guard.is_blocked(pose);
-        if is_blocked(&left) || end.is_some_and(|end| is_blocked(&end.odom_from_body)) {
+        if !is_there && is_blocked(&left) || end.is_some_and(|end| is_blocked(&end.odom_from_body)) {
             return Err(CantBegin::Blocked);
         }
-        let here = from.pose();
-        let is_there =
-            here.distance_m(left) <= ON_PATH && (here.heading_rad - left.heading_rad).abs() <= ON_PATH;
         if is_there && !from.moves() {
             self.begin_reference(from.time, 0.0);
             return Ok(());

@@ -409,7 +409,7 @@ pub enum RequestAnswer {
     PoseUnknown,
     /// A drive takes its torque limit at start-up only.
     AtStartUpOnly,
-    /// An obstacle stands where the motion would begin or end.
+    /// An obstacle stands where the motion would begin, away from where the platform stands, or end.
     Blocked,
     /// The input that stops is set, or isn't heard.
     StopInput,

@@ -116,6 +116,28 @@ fn what_stays_in_a_path_that_is_kept_ends_it_on_the_path() {
 }
 
 #[test]
+fn who_stands_too_near_to_an_obstacle_leaves_it_on_a_path_that_leads_straight_away() {
+    let path = PATH.replace(
+        "[[0, 0, 0, 0], [4, 2, 0, 0], [8, 2, 2, 1.5], [12, 0, 2, 1.5]]",
+        "[[0, 0, 0, 0], [2, -0.3, 0, 0], [5, -0.3, 1, 0], [9, 2, 1, 0]]",
+    );
+    let mut bench = Bench::new(plan(&format!("{BMM}\n{path}")));
+    bench.enable();
+    put(&mut bench, &Pose2::new(0.8, 0.0, 0.0));
+    let gap_m = bench.step(None).guard.obstacle_distance_m.unwrap();
+    put(&mut bench, &Pose2::new(0.8 - gap_m + 0.04, 0.0, 0.0));
+    let near_m = bench.step(None).guard.obstacle_distance_m.unwrap();
+    assert!((0.039..0.041).contains(&near_m), "{near_m} m");
+    bench.step(Some(RequestKind::Track));
+    while bench.robot.phase() == Phase::Tracking {
+        bench.step(None);
+    }
+    let record = bench.run(10);
+    let lacks_m = record.setpoint.odom_from_body.distance_m(Pose2::new(2.0, 1.0, 0.0));
+    assert!(record.stop_reason == SafetyReason::None && lacks_m < 2e-3, "{lacks_m} m from its end");
+}
+
+#[test]
 fn a_fastest_motion_keeps_to_speeds_of_its_own_and_others_have_none() {
     let path = "[reference]\nkind = \"path\"\ncorner_m = 0.1\npoints = [[0, 0, 0, 0], [4, 2, 0, 0], [8, 2, 2, 1.5]]\n\
         speed_m_s = 0.3\nturn_speed_rad_s = 0.2\n";
