@@ -12,7 +12,6 @@ use crate::image::{ClockUse, CycleFit, ImagePlan, Member, PlanError};
 use crate::mailbox::{Mailbox, MailboxError, Operation, UnusableMailbox};
 use crate::mapping::{self, MappingReader};
 use crate::mismatch::quoted;
-use crate::modules;
 use crate::start_up::{Refusal, StartUpError, StartUpFailure, StartUpRunner, StartUpStep};
 use crate::state::StateTimeouts;
 use crate::subdevice::{Activation, SubDevice, SyncManager};
@@ -337,18 +336,12 @@ impl<L: Link, C: Clock> Bus<L, C> {
         })
     }
 
-    /// Which module is in the slot, where the one that was asked for is refused.
+    /// What is in the slot, where the module that was asked for is refused.
     fn look_into_slot(&mut self, error: &mut StartUpError) {
-        let StartUpError { position, cause: StartUpFailure::Sdo { operation, error, detected, .. } } = error
-        else {
-            return;
-        };
-        if let (Operation::Download { object, .. }, MailboxError::Aborted { .. }) = (operation, error)
-            && object.index == modules::CONFIGURED
-            && let Ok(found) = self.read_modules(*position)
+        if let StartUpError { position, cause: StartUpFailure::Sdo { operation, error, slot, .. } } = error
+            && let (Operation::Download { object, .. }, MailboxError::Aborted { .. }) = (operation, error)
         {
-            let slot = usize::from(object.subindex);
-            *detected = found.and_then(|found| found.detected.get(slot.checked_sub(1)?).copied());
+            *slot = self.mismatched_slot(*position, *object);
         }
     }
 
