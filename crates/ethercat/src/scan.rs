@@ -233,29 +233,35 @@ impl<L: Link, C: Clock> Bus<L, C> {
         Ok(())
     }
 
-    /// INIT for all. Who takes no request has a processor that has yet to read the one before; behind a chip that didn't load its
-    /// EEPROM none ever does, and such a device is there all the same.
+    /// INIT for all. Who takes no request has a processor that has yet to read the one before: it is asked again as long as INIT
+    /// may take. Behind a chip that didn't load its EEPROM none ever reads it, and such a device is there all the same.
     fn ask_for_init(&mut self, request: &[u8], count: u16) -> Result<(), SetUpError> {
         const WHAT: &str = "asking for INIT";
         let all = Access::broadcast_write(WHAT, register::AL_CONTROL, request, Expect::Exactly(count));
-        let Err(error) = self.transactor.perform_one(all) else { return Ok(()) };
-        let mut is_explained = false;
+        match self.transactor.perform_one(all) {
+            // Some didn't take it: one by one.
+            Err(SetUpError::Access(AccessError { found: Found::WorkingCounter(taken), .. }))
+                if taken < count => {}
+            other => return other.map(drop),
+        }
+        let deadline = self.transactor.clock.now() + self.options.timeouts.init;
         for position in 0..count {
-            match self.transactor.perform_one(Access::write_at(WHAT, position, register::AL_CONTROL, request))
-            {
-                Ok(_) => {}
-                Err(SetUpError::Access(AccessError { found: Found::WorkingCounter(0), .. })) => {
-                    let read = Access::read_at("reading DL status", position, register::DL_STATUS, 2);
-                    if u16_at(&self.transactor.perform_one(read)?.data, 0) & EEPROM_LOADED != 0 {
-                        return Err(SetUpError::NoFirmware { position });
-                    }
-                    is_explained = true;
+            let ask = || Access::write_at(WHAT, position, register::AL_CONTROL, request);
+            loop {
+                match self.transactor.perform_one(ask()) {
+                    Err(SetUpError::Access(AccessError { found: Found::WorkingCounter(0), .. })) => {}
+                    other => break other.map(drop)?,
                 }
-                Err(SetUpError::Access(_)) => return Err(error),
-                Err(other) => return Err(other),
+                let read = Access::read_at("reading DL status", position, register::DL_STATUS, 2);
+                if u16_at(&self.transactor.perform_one(read)?.data, 0) & EEPROM_LOADED == 0 {
+                    break;
+                }
+                if self.transactor.clock.now() >= deadline {
+                    return Err(SetUpError::NoFirmware { position });
+                }
             }
         }
-        if is_explained { Ok(()) } else { Err(error) }
+        Ok(())
     }
 
     fn give_addresses(&mut self, count: u16) -> Result<Vec<Target>, SetUpError> {
