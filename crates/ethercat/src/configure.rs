@@ -222,7 +222,8 @@ fn prepare(subdevice: &mut SubDevice, timeouts: StateTimeouts) -> Result<Option<
 
 impl<L: Link, C: Clock> Bus<L, C> {
     /// Compares the segment with `configs`, brings every SubDevice to PRE-OP, writes what is asked, and makes
-    /// everything ready for SAFE-OP. Without any configuration each SubDevice is taken as it describes itself.
+    /// everything ready for SAFE-OP. Without any configuration each SubDevice is taken as it describes itself. One that is
+    /// [`SubDevice::broken`] is refused, but for one without any identity.
     pub fn configure(&mut self, configs: &[SubDeviceConfig]) -> Result<(), SetUpError> {
         if !configs.is_empty() {
             let configs = present(&self.subdevices, configs)?;
@@ -236,7 +237,17 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 }
             }
         }
+        self.refuse_broken()?;
         self.set_up(Unusable::IsError)
+    }
+
+    /// What says of itself that it isn't right is believed in nothing else, whoever needs it.
+    fn refuse_broken(&self) -> Result<(), SetUpError> {
+        let known = self.subdevices.iter().filter(|one| one.identity != Identity::default());
+        match known.filter_map(|one| Some((one.position, one.broken.clone()?))).next() {
+            Some((position, cause)) => Err(SetUpError::Broken { position, cause }),
+            None => Ok(()),
+        }
     }
 
     /// Which cycle the segment's frames fit into, behind [`Bus::configure`].

@@ -26,8 +26,10 @@ use crate::wire::{AlState, Clock, Link, LinkError, register};
 /// DL status: the EEPROM was loaded, and the processor is served.
 const EEPROM_LOADED: u16 = 1;
 /// What an EEPROM is whose checksum is wrong.
-const WRONG_CHECKSUM: &str =
-    "the checksum of its EEPROM is wrong: it was left half-written, or never written right";
+const WRONG_CHECKSUM: &str = "the checksum of its EEPROM is wrong: it was left half-written, or never written right; write \
+                              the whole (`omnibase eeprom write`)";
+/// What a chip is whose EEPROM was made right behind its power-on, or came too late.
+const NOT_LOADED: &str = "its EEPROM is right and its chip didn't load it: power it off and on";
 /// Counts that must agree one after another, and how often that is tried.
 const COUNT_ATTEMPTS: u32 = 10;
 /// Pause after the ports were opened: a link needs it to be taken into the path of frames.
@@ -88,6 +90,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
         let parents = topology::find_parents(&ports)?;
         let images = self.read_images(&targets)?;
         for ((one, (image, broken)), parent) in identified.into_iter().zip(images).zip(parents) {
+            let broken = broken.or_else(|| (!one.is_loaded).then(|| NOT_LOADED.to_owned()));
             let entry_port = topology::entry_port(&one.ports);
             if entry_port != 0 {
                 let position = one.target.position;
