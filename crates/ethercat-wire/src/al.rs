@@ -141,7 +141,7 @@ status_codes! {
     0x0051 EEPROM_ERROR "EEPROM error", "";
     0x0060 RESTARTED_LOCALLY "SubDevice restarted locally", "it lost power or was reset";
     0x0061 IDENTIFICATION_UPDATED "device identification value updated", "";
-    0x0070 MODULE_LIST_MISMATCH "detected module list does not match", "";
+    0x0070 MODULE_LIST_MISMATCH "detected module list does not match", "a slot is empty, or holds another module than the list (0xF030) says";
     0x0080 SUPPLY_VOLTAGE_LOW "supply voltage too low", "";
     0x0081 SUPPLY_VOLTAGE_HIGH "supply voltage too high", "";
     0x0082 TEMPERATURE_LOW "temperature too low", "";

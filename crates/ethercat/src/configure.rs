@@ -12,7 +12,6 @@ use crate::image::{ClockUse, CycleFit, ImagePlan, Member, PlanError};
 use crate::mailbox::{Mailbox, MailboxError, Operation, UnusableMailbox};
 use crate::mapping::{self, MappingReader};
 use crate::mismatch::quoted;
-use crate::modules;
 use crate::start_up::{Refusal, StartUpError, StartUpFailure, StartUpRunner, StartUpStep};
 use crate::state::StateTimeouts;
 use crate::subdevice::{Activation, SubDevice, SyncManager};
@@ -223,7 +222,8 @@ fn prepare(subdevice: &mut SubDevice, timeouts: StateTimeouts) -> Result<Option<
 
 impl<L: Link, C: Clock> Bus<L, C> {
     /// Compares the segment with `configs`, brings every SubDevice to PRE-OP, writes what is asked, and makes
-    /// everything ready for SAFE-OP. Without any configuration each SubDevice is taken as it describes itself.
+    /// everything ready for SAFE-OP. Without any configuration each SubDevice is taken as it describes itself. One that is
+    /// [`SubDevice::broken`] is refused, but for one without any identity.
     pub fn configure(&mut self, configs: &[SubDeviceConfig]) -> Result<(), SetUpError> {
         if !configs.is_empty() {
             let configs = present(&self.subdevices, configs)?;
@@ -237,7 +237,17 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 }
             }
         }
+        self.refuse_broken()?;
         self.set_up(Unusable::IsError)
+    }
+
+    /// What says of itself that it isn't right is believed in nothing else, whoever needs it.
+    fn refuse_broken(&self) -> Result<(), SetUpError> {
+        let known = self.subdevices.iter().filter(|one| one.identity != Identity::default());
+        match known.filter_map(|one| Some((one.position, one.broken.clone()?))).next() {
+            Some((position, cause)) => Err(SetUpError::Broken { position, cause }),
+            None => Ok(()),
+        }
     }
 
     /// Which cycle the segment's frames fit into, behind [`Bus::configure`].
@@ -337,18 +347,12 @@ impl<L: Link, C: Clock> Bus<L, C> {
         })
     }
 
-    /// Which module is in the slot, where the one that was asked for is refused.
+    /// What is in the slot, where the module that was asked for is refused.
     fn look_into_slot(&mut self, error: &mut StartUpError) {
-        let StartUpError { position, cause: StartUpFailure::Sdo { operation, error, detected, .. } } = error
-        else {
-            return;
-        };
-        if let (Operation::Download { object, .. }, MailboxError::Aborted { .. }) = (operation, error)
-            && object.index == modules::CONFIGURED
-            && let Ok(found) = self.read_modules(*position)
+        if let StartUpError { position, cause: StartUpFailure::Sdo { operation, error, slot, .. } } = error
+            && let (Operation::Download { object, .. }, MailboxError::Aborted { .. }) = (operation, error)
         {
-            let slot = usize::from(object.subindex);
-            *detected = found.and_then(|found| found.detected.get(slot.checked_sub(1)?).copied());
+            *slot = self.mismatched_slot(*position, *object);
         }
     }
 

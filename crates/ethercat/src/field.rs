@@ -116,6 +116,10 @@ impl<L: Link, C: Clock> Bus<L, C> {
     pub fn enter_boot(&mut self, position: u16) -> Result<(), SetUpError> {
         let target = self.target(position)?;
         let subdevice = self.subdevice(position)?;
+        // Where its mailbox in BOOT is stands in the EEPROM, too.
+        if let Some(cause) = &subdevice.broken {
+            return Err(SetUpError::Broken { position, cause: cause.clone() });
+        }
         let config = boot_mailbox(position, &subdevice.sii.header)?;
         let count = subdevice.esc.sync_manager_count;
         let managers = sync_manager::from_sii(&subdevice.sii, Some(config), count);

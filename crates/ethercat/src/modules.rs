@@ -1,10 +1,12 @@
 //! Modular devices (ETG.5001): the modules that are plugged in, against those for which the device is configured.
 
 use alloc::vec::Vec;
+use core::fmt;
 
 use crate::bus::Bus;
 use crate::error::SetUpError;
 use crate::mailbox::{MailboxError, SdoAccess};
+use crate::start_up::StartUpStep;
 use crate::wire::coe::ObjectAddress;
 use crate::wire::{Clock, Link};
 
@@ -12,8 +14,8 @@ use crate::wire::{Clock, Link};
 pub const CONFIGURED: u16 = 0xF030;
 /// Module idents by slot: what it detected.
 pub const DETECTED: u16 = 0xF050;
-/// Slots that are looked at.
-const MOST_SLOTS: u8 = 254;
+/// Bytes of a whole list before its first ident: how many there are, padded.
+const COUNT: usize = 2;
 
 /// What a modular device has in its slots; 0 is an empty one.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -25,20 +27,77 @@ pub struct Modules {
 }
 
 impl Modules {
-    /// Slots, from 1, in which something else is than was configured: slot, configured, detected.
+    /// Slots in which something else is than was configured.
     ///
     /// A device that isn't configured yet takes what it detected.
-    pub fn differences(&self) -> Vec<(usize, u32, u32)> {
+    pub fn differences(&self) -> Vec<SlotMismatch> {
         if self.configured.iter().all(|ident| *ident == 0) {
             return Vec::new();
         }
-        let at = |list: &[u32], slot: usize| list.get(slot).copied().unwrap_or(0);
-        let slots = 0..self.configured.len().max(self.detected.len());
-        slots
-            .map(|slot| (slot + 1, at(&self.configured, slot), at(&self.detected, slot)))
-            .filter(|(_, configured, detected)| configured != detected)
-            .collect()
+        mismatches(&self.configured, &self.detected).collect()
     }
+}
+
+/// A slot with another module than is expected there; ident 0 is none at all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SlotMismatch {
+    /// The slot, from 1.
+    pub slot: usize,
+    /// Ident of the module that is expected (0xF030).
+    pub expected: u32,
+    /// Ident of the module that is there (0xF050).
+    pub detected: u32,
+}
+
+impl fmt::Display for SlotMismatch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let SlotMismatch { slot, expected, detected } = self;
+        match (expected, detected) {
+            (_, 0) => write!(
+                f,
+                "slot {slot} is empty, module 0x{expected:08x} is expected there: plug it in, or take it out of the list (0xF030)"
+            ),
+            (0, _) => write!(
+                f,
+                "slot {slot} holds module 0x{detected:08x}, none is expected there: take it out, or put it into the list (0xF030)"
+            ),
+            _ => write!(
+                f,
+                "slot {slot} holds module 0x{detected:08x}, 0x{expected:08x} is expected there: plug that in, or put the one that \
+                 is there into the list (0xF030)"
+            ),
+        }
+    }
+}
+
+fn mismatches(expected: &[u32], detected: &[u32]) -> impl Iterator<Item = SlotMismatch> {
+    let at = |list: &[u32], slot: usize| list.get(slot - 1).copied().unwrap_or(0);
+    let slots = 1..=expected.len().max(detected.len());
+    slots
+        .map(move |slot| SlotMismatch { slot, expected: at(expected, slot), detected: at(detected, slot) })
+        .filter(|one| one.expected != one.detected)
+}
+
+/// The list of modules that start-up steps write.
+fn written_list(steps: &[StartUpStep]) -> Vec<u32> {
+    let mut list = Vec::new();
+    for step in steps {
+        let StartUpStep::Sdo(sdo) = step else { continue };
+        let (first, idents) = match (sdo.object.index, sdo.object.subindex, sdo.access) {
+            (CONFIGURED, 0, SdoAccess::Complete) => (0, sdo.data.get(COUNT..).unwrap_or_default()),
+            (CONFIGURED, slot @ 1.., _) => (usize::from(slot) - 1, &sdo.data[..]),
+            _ => continue,
+        };
+        for (slot, ident) in (first..).zip(idents.chunks(size_of::<u32>())) {
+            list.resize(list.len().max(slot + 1), 0);
+            list[slot] = number(ident);
+        }
+    }
+    list
+}
+
+fn number(bytes: &[u8]) -> u32 {
+    bytes.iter().take(size_of::<u32>()).rev().fold(0, |number, byte| number << 8 | u32::from(*byte))
 }
 
 impl<L: Link, C: Clock> Bus<L, C> {
@@ -53,6 +112,17 @@ impl<L: Link, C: Clock> Bus<L, C> {
         Ok(Some(Modules { configured, detected }))
     }
 
+    /// The slot for which `object`, the list of modules or one of its entries, was refused; `None` where all is as it is expected.
+    pub(crate) fn mismatched_slot(&mut self, position: u16, object: ObjectAddress) -> Option<SlotMismatch> {
+        if object.index != CONFIGURED {
+            return None;
+        }
+        let expected = written_list(&self.subdevice(position).ok()?.start_up.steps);
+        let found = self.read_modules(position).ok()??;
+        let is_meant = |one: &SlotMismatch| [0, one.slot].contains(&usize::from(object.subindex));
+        mismatches(&expected, &found.detected).find(is_meant)
+    }
+
     /// A list of idents; `None` where there is no such object.
     fn read_idents(&mut self, position: u16, index: u16) -> Result<Option<Vec<u32>>, SetUpError> {
         let mut idents = Vec::new();
@@ -61,19 +131,42 @@ impl<L: Link, C: Clock> Bus<L, C> {
             ObjectAddress::new(index, subindex),
             SdoAccess::Entry,
         ) {
-            Ok(data) => {
-                let mut bytes = [0; 4];
-                let length = data.len().min(4);
-                bytes[..length].copy_from_slice(&data[..length]);
-                Ok(Some(u32::from_le_bytes(bytes)))
-            }
+            Ok(data) => Ok(Some(number(&data))),
             Err(SetUpError::Request { cause: MailboxError::Aborted { .. }, .. }) => Ok(None),
             Err(other) => Err(other),
         };
         let Some(count) = read(self, 0)? else { return Ok(None) };
-        for subindex in 1..=(count.min(u32::from(MOST_SLOTS)) as u8) {
+        for subindex in 1..=(count.min(u32::from(u8::MAX)) as u8) {
             idents.push(read(self, subindex)?.unwrap_or(0));
         }
         Ok(Some(idents))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::start_up::{ReadBack, Refusal, SdoWrite};
+
+    #[test]
+    fn a_list_is_written_entry_by_entry_or_as_a_whole() {
+        let write = |index, subindex, access, data: &[u8]| {
+            let (object, data) = (ObjectAddress::new(index, subindex), data.to_vec());
+            let (refusal, read_back) = (Refusal::IsError, ReadBack::Compare);
+            StartUpStep::Sdo(SdoWrite { object, data, access, refusal, read_back, origin: None })
+        };
+        let entries = [
+            write(CONFIGURED, 0, SdoAccess::Entry, &[0]),
+            write(CONFIGURED, 3, SdoAccess::Entry, &[9, 0, 0, 1]),
+            write(CONFIGURED, 1, SdoAccess::Entry, &[7, 0, 0, 0]),
+            write(DETECTED, 2, SdoAccess::Entry, &[8, 0, 0, 0]),
+            write(CONFIGURED, 0, SdoAccess::Entry, &[3]),
+        ];
+        assert_eq!(written_list(&entries), [7, 0, 0x0100_0009]);
+        let whole = write(CONFIGURED, 0, SdoAccess::Complete, &[2, 0, 7, 0, 0, 0, 9, 0, 0, 1]);
+        assert_eq!(written_list(&[whole]), [7, 0x0100_0009]);
+        let idents = write(CONFIGURED, 1, SdoAccess::Complete, &[7, 0, 0, 0, 9, 0, 0, 1]);
+        assert_eq!(written_list(&[idents]), [7, 0x0100_0009]);
+        assert_eq!(written_list(&[write(CONFIGURED, 0, SdoAccess::Complete, &[2])]), []);
     }
 }

@@ -26,8 +26,10 @@ use crate::wire::{AlState, Clock, Link, LinkError, register};
 /// DL status: the EEPROM was loaded, and the processor is served.
 const EEPROM_LOADED: u16 = 1;
 /// What an EEPROM is whose checksum is wrong.
-const WRONG_CHECKSUM: &str =
-    "the checksum of its EEPROM is wrong: it was left half-written, or never written right";
+const WRONG_CHECKSUM: &str = "the checksum of its EEPROM is wrong: it was left half-written, or never written right; write \
+                              the whole (`omnibase eeprom write`)";
+/// What a chip is whose EEPROM was made right behind its power-on, or came too late.
+const NOT_LOADED: &str = "its EEPROM is right and its chip didn't load it: power it off and on";
 /// Counts that must agree one after another, and how often that is tried.
 const COUNT_ATTEMPTS: u32 = 10;
 /// Pause after the ports were opened: a link needs it to be taken into the path of frames.
@@ -88,6 +90,7 @@ impl<L: Link, C: Clock> Bus<L, C> {
         let parents = topology::find_parents(&ports)?;
         let images = self.read_images(&targets)?;
         for ((one, (image, broken)), parent) in identified.into_iter().zip(images).zip(parents) {
+            let broken = broken.or_else(|| (!one.is_loaded).then(|| NOT_LOADED.to_owned()));
             let entry_port = topology::entry_port(&one.ports);
             if entry_port != 0 {
                 let position = one.target.position;
@@ -233,29 +236,35 @@ impl<L: Link, C: Clock> Bus<L, C> {
         Ok(())
     }
 
-    /// INIT for all. Who takes no request has a processor that has yet to read the one before; behind a chip that didn't load its
-    /// EEPROM none ever does, and such a device is there all the same.
+    /// INIT for all. Who takes no request has a processor that has yet to read the one before: it is asked again as long as INIT
+    /// may take. Behind a chip that didn't load its EEPROM none ever reads it, and such a device is there all the same.
     fn ask_for_init(&mut self, request: &[u8], count: u16) -> Result<(), SetUpError> {
         const WHAT: &str = "asking for INIT";
         let all = Access::broadcast_write(WHAT, register::AL_CONTROL, request, Expect::Exactly(count));
-        let Err(error) = self.transactor.perform_one(all) else { return Ok(()) };
-        let mut is_explained = false;
+        match self.transactor.perform_one(all) {
+            // Some didn't take it: one by one.
+            Err(SetUpError::Access(AccessError { found: Found::WorkingCounter(taken), .. }))
+                if taken < count => {}
+            other => return other.map(drop),
+        }
+        let deadline = self.transactor.clock.now() + self.options.timeouts.init;
         for position in 0..count {
-            match self.transactor.perform_one(Access::write_at(WHAT, position, register::AL_CONTROL, request))
-            {
-                Ok(_) => {}
-                Err(SetUpError::Access(AccessError { found: Found::WorkingCounter(0), .. })) => {
-                    let read = Access::read_at("reading DL status", position, register::DL_STATUS, 2);
-                    if u16_at(&self.transactor.perform_one(read)?.data, 0) & EEPROM_LOADED != 0 {
-                        return Err(SetUpError::NoFirmware { position });
-                    }
-                    is_explained = true;
+            let ask = || Access::write_at(WHAT, position, register::AL_CONTROL, request);
+            loop {
+                match self.transactor.perform_one(ask()) {
+                    Err(SetUpError::Access(AccessError { found: Found::WorkingCounter(0), .. })) => {}
+                    other => break other.map(drop)?,
                 }
-                Err(SetUpError::Access(_)) => return Err(error),
-                Err(other) => return Err(other),
+                let read = Access::read_at("reading DL status", position, register::DL_STATUS, 2);
+                if u16_at(&self.transactor.perform_one(read)?.data, 0) & EEPROM_LOADED == 0 {
+                    break;
+                }
+                if self.transactor.clock.now() >= deadline {
+                    return Err(SetUpError::NoFirmware { position });
+                }
             }
         }
-        if is_explained { Ok(()) } else { Err(error) }
+        Ok(())
     }
 
     fn give_addresses(&mut self, count: u16) -> Result<Vec<Target>, SetUpError> {

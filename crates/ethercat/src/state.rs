@@ -262,6 +262,10 @@ impl Procedure for StateChange {
                 if self.failures >= FAILURE_LIMIT {
                     self.outcome = Some(Err(StateFailure::NoAnswer(found)));
                 }
+                // A processor that has yet to read the request before takes none, and shows by its status that it is there.
+                if let Stage::Acknowledge | Stage::Ask = self.phase {
+                    self.phase = Stage::Before;
+                }
                 self.wait_until = Some(now + POLL_PAUSE);
                 return;
             }

@@ -91,6 +91,8 @@ pub enum Trouble {
     NotLoaded {
         /// The SubDevice.
         position: u16,
+        /// What stands there by now is right: it was written since then, or its supply came up too slowly.
+        is_right: bool,
     },
     /// A mailbox protocol of the SubDevice that isn't spoken here.
     NotSpoken {
@@ -140,10 +142,15 @@ impl fmt::Display for Trouble {
                 f,
                 "{cause}: it was found, and now it doesn't answer: look at its supply and its cables"
             ),
-            Trouble::NotLoaded { position } => write!(
+            Trouble::NotLoaded { position, is_right: true } => write!(
                 f,
-                "SubDevice {position}: its chip has no valid EEPROM content (checksum), or its supply came up too slowly: power it \
-                 off and on, before or together with its neighbours; else write its EEPROM (`omnibase eeprom write`)"
+                "SubDevice {position}: its EEPROM is right and its chip didn't load it (it was written since then, or its supply came \
+                 up too slowly): power it off and on, before or together with its neighbours"
+            ),
+            Trouble::NotLoaded { position, is_right: false } => write!(
+                f,
+                "SubDevice {position}: its chip has no valid EEPROM content (checksum): write its EEPROM (`omnibase eeprom write`), \
+                 then power it off and on"
             ),
             Trouble::NotSpoken { position, protocol, remedy, .. } => {
                 write!(f, "SubDevice {position}: speaks {protocol}, which isn't supported: {remedy}")
@@ -205,7 +212,10 @@ impl<L: Link, C: Clock> Bus<L, C> {
             }
         }
         if status & 1 == 0 {
-            trouble.push(Trouble::NotLoaded { position });
+            let header = &one.sii.header;
+            let is_whole = header.checksum as u8 == header.computed_checksum();
+            let is_right = is_whole && header.identity != sii::Identity::default();
+            trouble.push(Trouble::NotLoaded { position, is_right });
         }
         for (bit, protocol, remedy) in NOT_SPOKEN {
             let protocols = one.sii.header.mailbox_protocols;

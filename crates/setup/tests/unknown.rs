@@ -174,6 +174,27 @@ fn an_alias_that_two_drives_have_is_written_anew() {
     assert!(found.told.join("\n").contains("its drive has alias 5, as SubDevice 2 has"), "{:?}", found.told);
 }
 
+/// A program that says an alias that another has, again and again, isn't asked for ever.
+#[test]
+fn an_alias_that_another_has_is_refused_a_few_times_and_then_left() {
+    let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
+    let places = Some([5, 6, 5].map(BusPlace::Alias));
+    let named = Circumstances { places, has_memory: true, ..Circumstances::default() };
+    let mut asked = 0;
+    let mut says_six = |question: &Question| match question.id.as_str() {
+        "alias 0" => {
+            asked += 1;
+            assert!(asked <= 100, "asked for ever");
+            Some(said("6"))
+        }
+        id => id.starts_with("name ").then(|| said("alias")),
+    };
+    let left = set_up_in(&robot, named, &mut says_six, &mut |_, _| Ok(()));
+    assert!(left.is_err_and(|words| words.contains("that nobody has, found 6")));
+    // Left, taken up again, and left again.
+    assert_eq!(asked, 40);
+}
+
 /// A drive that loses its torque by itself isn't called stopped: it is noted and asked again.
 #[test]
 fn a_drive_that_fails_by_itself_is_no_tested_emergency_stop() {

@@ -154,7 +154,7 @@ fn device_type(assembly: &Assembly) -> u32 {
 
 fn module_lists(idents: &[u32]) -> [Object; 2] {
     let entries = |access: Access, value: &dyn Fn(usize) -> u32| -> Vec<Entry> {
-        let count = idents.len().min(254) as u8;
+        let count = idents.len().min(usize::from(u8::MAX)) as u8;
         let mut entries = vec![Entry::unsigned8(0, "Number of entries", count).with_access(access)];
         let slot = |slot: u8| {
             let name = format!("Module ident of slot {slot}");

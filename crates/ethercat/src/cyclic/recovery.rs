@@ -232,9 +232,9 @@ impl Recovery {
         self.has_time
     }
 
-    /// Gives the mailbox back.
+    /// Gives the mailbox back, with nothing in hand.
     pub fn take_mailbox(&mut self) -> Option<Mailbox> {
-        self.runner.mailbox_mut().take()
+        self.runner.give_up()
     }
 
     fn run(&mut self, part: Part) -> Stage {
@@ -391,6 +391,9 @@ impl Procedure for Recovery {
 
     fn answer(&mut self, answer: Answer<'_>, now: HostTime) {
         let position = self.target.position;
+        if let Answer::Returned { working_counter: answered @ 2.., .. } = answer {
+            return self.fail(RecoveryError::NotAlone { position, answered });
+        }
         match &mut self.stage {
             Stage::Identify => return self.reader.answer(answer, now),
             Stage::Run(_) => return self.runner.answer(answer, now),

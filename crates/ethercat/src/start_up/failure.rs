@@ -6,6 +6,7 @@ use core::fmt;
 
 use crate::found::Found;
 use crate::mailbox::{MailboxError, Operation};
+use crate::modules::SlotMismatch;
 use crate::state::StateError;
 use crate::wire::coe::ObjectAddress;
 
@@ -62,8 +63,8 @@ pub enum StartUpFailure {
         operation: Operation,
         /// Why it failed.
         error: MailboxError,
-        /// The module that is in the slot (0xF050), where another one was asked for (0xF030).
-        detected: Option<u32>,
+        /// What is in the slot, where the list of modules (0xF030) was refused for it.
+        slot: Option<SlotMismatch>,
         /// Where it was asked.
         origin: Option<Arc<str>>,
     },
@@ -156,10 +157,10 @@ impl fmt::Display for StartUpError {
                 write!(f, "SDO {object} was asked, but the SubDevice has no CoE mailbox")?;
                 origin
             }
-            StartUpFailure::Sdo { operation, error, detected, origin } => {
+            StartUpFailure::Sdo { operation, error, slot, origin } => {
                 write!(f, "{operation}: {error}")?;
-                if let Some(ident) = detected {
-                    write!(f, "; the slot holds module 0x{ident:08x}")?;
+                if let Some(slot) = slot {
+                    write!(f, "; {slot}")?;
                 }
                 origin
             }

@@ -219,7 +219,7 @@ impl StartUpRunner {
                     false => Operation::Upload { object, access },
                 };
                 let origin = sdo.origin.clone();
-                self.outcome = Some(Err(StartUpFailure::Sdo { operation, error, detected: None, origin }));
+                self.outcome = Some(Err(StartUpFailure::Sdo { operation, error, slot: None, origin }));
                 return;
             }
         };

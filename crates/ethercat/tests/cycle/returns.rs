@@ -7,6 +7,9 @@ use omnibase_ethercat::cyclic::{
     AcyclicRequest, AcyclicWork, ClockDirection, Comeback, Goal, Health, RecoveryError, RegisterAccess,
     TransitionStatus,
 };
+use omnibase_ethercat::mailbox::MailboxRequest;
+use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
+use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Command, register};
 use omnibase_ethercat_sim::{Fault, Segment, SegmentFile};
 
@@ -89,6 +92,48 @@ fn a_way_back_is_called_off_while_nothing_was_changed() {
         runner.bus().poll_recovered()
     });
     assert_eq!(ended, Some((2, Ok(Comeback::Restarted))));
+}
+
+/// Whoever answers at its address, too, would be told what is meant for it: its way ends wherever it is.
+#[test]
+fn a_way_back_ends_where_another_begins_to_answer_at_its_address() {
+    let window = SdoWrite {
+        object: ObjectAddress::new(0x6065, 0),
+        data: vec![1, 2, 0, 0],
+        access: SdoAccess::Entry,
+        refusal: Refusal::IsError,
+        read_back: ReadBack::Compare,
+        origin: None,
+    };
+    let mut configs = synchronous(3, MILLISECOND);
+    configs[1].sdos = vec![window; 10];
+    for after in (0..=200).step_by(10) {
+        let segment = segment_file("three-sgdv.toml");
+        let mut runner = Runner::new(segment, &configs, ClockDirection::CycleFollowsDc);
+        assert_eq!(runner.to(Goal::Op), TransitionStatus::Reached(Goal::Op));
+        let station = runner.subdevices[1].station_address;
+        restart(&mut runner, 1);
+        assert!(runner.bus().recover(1));
+        runner.cycles(after);
+        let (way, register) = (RegisterAccess::Write, register::STATION_ADDRESS);
+        let work = AcyclicWork::Registers { way, register, data: station.to_le_bytes().to_vec() };
+        runner.bus().submit(AcyclicRequest { tag: 7, position: 2, work }).unwrap();
+        let ended = (0..20_000).find_map(|_| {
+            runner.cycle();
+            runner.bus().poll_recovered()
+        });
+        let error = RecoveryError::NotAlone { position: 1, answered: 2 };
+        assert_eq!(ended, Some((1, Err(error))), "after {after} cycles");
+        // What is asked of it then is answered, though its mailbox was in the midst of something.
+        let work = AcyclicWork::Mailbox(MailboxRequest::upload(ObjectAddress::new(0x1000, 0), Vec::new()));
+        runner.bus().submit(AcyclicRequest { tag: 8, position: 1, work }).unwrap();
+        let is_answered = (0..20_000).any(|_| {
+            runner.cycle();
+            runner.bus().poll_completion().is_some_and(|done| done.tag == 8)
+        });
+        assert!(is_answered, "after {after} cycles");
+        assert!(runner.bus().recover(1), "it is free for another attempt");
+    }
 }
 
 #[test]

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 
-use omnibase_esi::model::Pdo;
+use omnibase_esi::model::{Module, Pdo};
 use omnibase_esi::{Assembly, Command, EsiFile};
 use omnibase_ethercat::config::{PdoConfig, SyncManagerPdos};
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
@@ -11,7 +11,7 @@ use omnibase_ethercat::subdevice::Direction;
 use omnibase_ethercat::wire::bytes::{u16_at, u32_at};
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{HostTime, Link, LinkError};
-use omnibase_ethercat::{Exchange, SubDevice, SubDeviceConfig};
+use omnibase_ethercat::{Bus, BusOptions, Exchange, SubDevice, SubDeviceConfig};
 use omnibase_ethercat_sim::device::{Piece, esi};
 use omnibase_ethercat_sim::{Segment, SegmentFile, SimLink, in_process};
 
@@ -212,18 +212,57 @@ fn what_the_file_says_of_pdos_is_what_the_simulated_one_takes() {
     assert!(none.contains("0x0024"), "{none}");
 }
 
+/// What a coupler with these modules in its slots says to a list with those.
+fn refusal_of(there: &[usize], wanted: &[usize]) -> String {
+    let file = made_up();
+    let with = |modules: &[usize]| {
+        let modules = modules.iter().map(|number| &file.modules[*number]).collect();
+        Assembly::new(&file.devices[2], modules).unwrap()
+    };
+    let sub_device = esi::from_assembly(&with(there), 0x0F0F, &Piece::default()).unwrap().sub_device;
+    let (link, clock) = in_process(Segment::line(vec![sub_device]).unwrap());
+    let reached = to_op(link, clock, |found| vec![config(&with(wanted), &found[0])]);
+    reached.err().expect("other modules were taken")
+}
+
 #[test]
 fn other_modules_than_stand_in_the_slots_are_refused() {
-    let file = made_up();
-    let there = Assembly::new(&file.devices[2], vec![&file.modules[0]]).unwrap();
-    let wanted = Assembly::new(&file.devices[2], vec![&file.modules[1]]).unwrap();
-    let sub_device = esi::from_assembly(&there, 0x0F0F, &Piece::default()).unwrap().sub_device;
-    let (link, clock) = in_process(Segment::line(vec![sub_device]).unwrap());
-    let Err(refusal) = to_op(link, clock, |found| vec![config(&wanted, &found[0])]) else {
-        panic!("the wrong module was taken");
-    };
+    let refusal = refusal_of(&[0], &[1]);
     assert!(refusal.contains("f030:01 aborted: 0x06090030"), "{refusal}");
-    assert!(refusal.contains("; the slot holds module 0x00000101"), "{refusal}");
+    let told = "; slot 1 holds module 0x00000101, 0x00000201 is expected there: plug that in";
+    assert!(refusal.contains(told), "{refusal}");
+}
+
+/// Its list is as long as there are modules: what is missing behind them isn't told as a subindex alone.
+#[test]
+fn an_empty_slot_is_told_as_that() {
+    for there in [&[][..], &[0]] {
+        let refusal = refusal_of(there, &[0, 1][..=there.len()]);
+        let (slot, ident) = (there.len() + 1, [0x101, 0x201][there.len()]);
+        let told = format!("; slot {slot} is empty, module 0x{ident:08x} is expected there: plug it in");
+        assert!(refusal.contains(&told), "{refusal}");
+    }
+    // The number of modules is refused where one more is plugged in.
+    let refusal = refusal_of(&[0, 1], &[0]);
+    assert!(refusal.contains("; slot 2 holds module 0x00000201, none is expected there"), "{refusal}");
+}
+
+/// The lists have as many subindices as the file may have modules.
+#[test]
+fn the_module_of_the_last_slot_is_seen() {
+    let path = concat!(env!("CARGO_MANIFEST_DIR"), "/../../segments/maker.xml");
+    let text = std::fs::read_to_string(path).unwrap().replace("MaxInstances=\"8\"", "MaxInstances=\"255\"");
+    let file = EsiFile::parse(text.as_bytes()).unwrap();
+    let mut modules = vec![Module::none(); 254];
+    modules.push(&file.modules[1]);
+    let assembly = Assembly::new(&file.devices[2], modules).unwrap();
+    let sub_device = esi::from_assembly(&assembly, 0x0F0F, &Piece::default()).unwrap().sub_device;
+    let (link, clock) = in_process(Segment::line(vec![sub_device]).unwrap());
+    let mut bus = Bus::new(link, clock, BusOptions::default());
+    bus.scan().unwrap();
+    bus.configure(&[]).unwrap();
+    let detected = bus.read_modules(0).unwrap().unwrap().detected;
+    assert_eq!((detected.len(), detected.last()), (255, Some(&0x201)));
 }
 
 #[test]

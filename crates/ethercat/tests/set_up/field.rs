@@ -5,7 +5,7 @@ use std::time::Duration;
 use omnibase_ethercat::eeprom::with_checksum;
 use omnibase_ethercat::mailbox::{FileAccess, MailboxRequest};
 use omnibase_ethercat::wire::{AlState, Clock, HostTime, Link, LinkError, sii};
-use omnibase_ethercat::{Bus, BusOptions, SetUpError};
+use omnibase_ethercat::{Bus, BusOptions, SetUpError, SubDeviceConfig};
 use omnibase_ethercat_sim::device::Piece;
 use omnibase_ethercat_sim::device::generic::{FIRMWARE, Generic};
 use omnibase_ethercat_sim::fault_link::{FaultAction, FaultCounts, FaultLink, Injection, Target};
@@ -164,6 +164,39 @@ fn a_half_written_eeprom_is_never_called_good_and_can_be_written_again() {
         }
         assert!(halves > 10, "{halves} halves of {frames} frames");
     }
+}
+
+/// Until then its chip serves nobody, whatever stands in the EEPROM by now.
+#[test]
+fn an_eeprom_that_was_made_right_counts_from_the_next_power_on() {
+    let right = image(1);
+    let mut half = right.clone();
+    half[14] ^= 0xFF;
+    let generic = Generic::from_sii(&half, &Piece::default()).unwrap();
+    let mut bus = bus_of(Segment::line(vec![generic.sub_device]).unwrap(), []);
+    let told = |bus: &mut FieldBus| {
+        bus.scan().unwrap();
+        let broken = bus.subdevices()[0].broken.clone().unwrap_or_default();
+        let trouble: Vec<String> = bus.look_for_trouble().unwrap().iter().map(ToString::to_string).collect();
+        (broken, trouble.join("\n"))
+    };
+    let refused = |bus: &mut FieldBus| {
+        let [alone, configured] =
+            [&[][..], &[SubDeviceConfig::default()]].map(|configs| bus.configure(configs));
+        [alone, configured, bus.enter_boot(0)].map(|refused| refused.unwrap_err().to_string())
+    };
+    let (broken, trouble) = told(&mut bus);
+    assert!(broken.contains("the checksum of its EEPROM is wrong"), "{broken}");
+    assert!(refused(&mut bus).iter().all(|words| words.ends_with(&broken)), "{:?}", refused(&mut bus));
+    assert!(trouble.contains("write its EEPROM (`omnibase eeprom write`)"), "{trouble}");
+    assert_eq!(write_eeprom(&mut bus, &right), Ok(1));
+    let (broken, trouble) = told(&mut bus);
+    assert!(broken.contains("its chip didn't load it: power it off and on"), "{broken}");
+    assert!(trouble.contains("power it off and on") && !trouble.contains("eeprom write"), "{trouble}");
+    assert!(refused(&mut bus).iter().all(|words| words.ends_with(&broken)), "{:?}", refused(&mut bus));
+    mend(&mut bus);
+    assert_eq!(told(&mut bus), (String::new(), String::new()));
+    assert_eq!(bus.configure(&[]), Ok(()));
 }
 
 /// What is left in an EEPROM that was taken for another one than it is, or that keeps what it was before.

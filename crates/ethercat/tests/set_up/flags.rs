@@ -294,7 +294,11 @@ fn a_modular_device_tells_where_another_module_is_plugged_in() {
     assert_eq!(found(vec![]), None);
     let modules = found(vec![list(0xF030, &[7, 9, 0]), list(0xF050, &[7, 8, 5])]).unwrap();
     assert_eq!((&modules.configured[..], &modules.detected[..]), (&[7, 9, 0][..], &[7, 8, 5][..]));
-    assert_eq!(modules.differences(), [(2, 9, 8), (3, 0, 5)]);
+    let told: Vec<String> = modules.differences().iter().map(ToString::to_string).collect();
+    let other = "slot 2 holds module 0x00000008, 0x00000009 is expected there: plug that in, or put the one that is there into the \
+                 list (0xF030)";
+    let surplus = "slot 3 holds module 0x00000005, none is expected there: take it out, or put it into the list (0xF030)";
+    assert_eq!(told, [other, surplus]);
     // One that isn't configured takes what it finds.
     assert_eq!(found(vec![list(0xF050, &[7, 8, 5])]).unwrap().differences(), []);
 }

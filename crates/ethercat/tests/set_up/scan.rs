@@ -1,10 +1,11 @@
 //! Finding SubDevices on the simulated bus.
 
-use crate::segment::{obedient, recorded_sii};
-use omnibase_ethercat::wire::{Clock, HostTime};
+use crate::segment::{Seldom, obedient, recorded_sii, sii_of};
+use omnibase_ethercat::wire::{AlState, Clock, HostTime, sii};
 use omnibase_ethercat::{Bus, BusOptions, SetUpError, Warning};
-use omnibase_ethercat_sim::{Attachment, EscConfig, Parent, Segment, SegmentFile, in_process};
+use omnibase_ethercat_sim::{Attachment, EscConfig, Parent, Segment, SegmentFile, SubDevice, in_process};
 use std::path::Path;
+use std::time::Duration;
 
 #[test]
 fn a_line_of_recorded_devices_is_found_and_named() {
@@ -97,6 +98,27 @@ fn one_whose_processor_reads_nothing_is_named() {
     let error = Bus::new(link, clock, BusOptions::default()).scan().map(<[_]>::len).unwrap_err();
     assert_eq!(error, SetUpError::NoFirmware { position: 1 });
     assert!(error.to_string().contains("its firmware hangs or is missing"), "{error}");
+}
+
+/// A processor that looks for requests only ten times a second has firmware, and reaches every state.
+#[test]
+fn one_whose_processor_looks_seldom_is_waited_for() {
+    let every = Duration::from_millis(100);
+    let devices = (0..3).map(|number| {
+        let identity = sii::Identity { vendor_id: 5, product_code: 6, revision: 7, serial: number };
+        let config = EscConfig { sii: sii_of(identity, 0), ..EscConfig::default() };
+        match number {
+            1 => SubDevice::new(config, Box::new(Seldom { every, next: HostTime(0) })),
+            _ => obedient(config),
+        }
+    });
+    let (link, clock) = in_process(Segment::line(devices.collect()).unwrap());
+    let mut bus = Bus::new(link, clock, BusOptions::default());
+    for _ in 0..2 {
+        assert_eq!(bus.scan().map(<[_]>::len), Ok(3));
+        assert_eq!(bus.configure(&[]), Ok(()));
+        assert_eq!(bus.request_state(&[1], AlState::SafeOp), Ok(()));
+    }
 }
 
 /// Behind a chip that didn't load its EEPROM nobody hears a second request: the device is there all the same.

@@ -1,5 +1,7 @@
 //! Small simulated SubDevices for the tests of the set-up.
 
+use std::time::Duration;
+
 use omnibase_ethercat::wire::bytes::{put_u16, put_u32};
 use omnibase_ethercat::wire::sii::{Identity, checksum};
 use omnibase_ethercat::wire::{AlState, HostTime, register};
@@ -24,6 +26,31 @@ impl Application for Obedient {
             pdi.write(register::AL_STATUS, &[control[0] & 0x0F, 0]);
         }
         None
+    }
+
+    fn inject(&mut self, _fault: &ApplicationFault, _now: HostTime) -> bool {
+        false
+    }
+}
+
+/// The same, but it looks for requests only so often.
+pub struct Seldom {
+    pub every: Duration,
+    pub next: HostTime,
+}
+
+impl Application for Seldom {
+    fn power_on(&mut self, pdi: &mut dyn Pdi, now: HostTime) {
+        self.next = now + self.every;
+        Obedient.power_on(pdi, now);
+    }
+
+    fn run(&mut self, pdi: &mut dyn Pdi, event: AlEvent, now: HostTime) -> Option<HostTime> {
+        if now >= self.next {
+            self.next = now + self.every;
+            Obedient.run(pdi, event, now);
+        }
+        Some(self.next)
     }
 
     fn inject(&mut self, _fault: &ApplicationFault, _now: HostTime) -> bool {

@@ -4,7 +4,7 @@ use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_ethercat::{Bus, BusOptions};
 
-use super::{Guide, Leave, SetupError, in_words};
+use super::{ATTEMPTS, Guide, Leave, SetupError, in_words};
 
 type AnyBus<C> = Bus<Box<dyn Link>, C>;
 
@@ -117,7 +117,7 @@ impl<C: Clock> Guide<'_, C> {
                 && written.iter().all(|(_, other)| *other != alias)
         };
         let likely = (number as u16 + 1..=u16::MAX).find(|alias| is_free(*alias)).unwrap_or(u16::MAX);
-        loop {
+        for _ in 0..ATTEMPTS {
             let text = "which alias (1 to 65535)?".to_owned();
             let said =
                 self.number(format!("alias {position}"), text, likely.into(), [1.0, f64::from(u16::MAX)])?;
@@ -127,6 +127,7 @@ impl<C: Clock> Guide<'_, C> {
             }
             self.hand.tell(&format!("expected a whole number up to 65535 that nobody has, found {said}"));
         }
+        Err(Leave)
     }
 
     /// Writes it, with what was there kept before; whether it stands in the EEPROM.

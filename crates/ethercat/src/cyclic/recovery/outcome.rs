@@ -17,6 +17,14 @@ pub enum RecoveryError {
         /// How long it was looked for.
         after: Duration,
     },
+    /// Others answer at its station address, too: whatever is written there reaches them.
+    #[error("{answered} SubDevices answer at the address of SubDevice {position}")]
+    NotAlone {
+        /// Position.
+        position: u16,
+        /// SubDevices that answered.
+        answered: u16,
+    },
     /// Another SubDevice stands at its place.
     #[error("at position {position} stands station 0x{found:04x}, 0x{expected:04x} was expected")]
     OtherStation {
