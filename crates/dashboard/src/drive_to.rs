@@ -571,10 +571,10 @@ mod tests {
     fn who_is_held_up_at_one_place_again_and_again_is_so_since_the_first_time() {
         let begun = Instant::now();
         let later = |seconds| begun + Duration::from_secs(seconds);
-        let first = HeldUp::again(None, Pose2::new(1.0, 2.0, 3.14), begun);
-        let second = HeldUp::again(Some(first), Pose2::new(1.05, 2.0, -3.14), later(1));
+        let first = HeldUp::again(None, Pose2::new(1.0, 2.0, 3.1), begun);
+        let second = HeldUp::again(Some(first), Pose2::new(1.05, 2.0, -3.1), later(1));
         assert_eq!(second, first);
-        for elsewhere in [Pose2::new(1.2, 2.0, 3.14), Pose2::new(1.0, 2.0, 2.9)] {
+        for elsewhere in [Pose2::new(1.2, 2.0, 3.1), Pose2::new(1.0, 2.0, 2.8)] {
             let third = HeldUp::again(Some(second), elsewhere, later(2));
             assert_eq!(third, HeldUp { at: elsewhere, since: later(2) });
         }

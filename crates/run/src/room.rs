@@ -236,12 +236,12 @@ impl Room {
 
     /// From the footprint at a pose to an obstacle, m, at most: by its corners and sides.
     fn gap_m(&self, pose: &Pose2, obstacle: &Obstacle) -> f64 {
-        let [x_m, y_m] = self.from_obstacle_m(pose, obstacle);
+        let [x_m, y_m] = self.away_m(pose, obstacle);
         x_m.hypot(y_m) - obstacle.radius_m
     }
 
     /// From the middle of an obstacle to the nearest place on the footprint's sides, m.
-    fn from_obstacle_m(&self, pose: &Pose2, obstacle: &Obstacle) -> [f64; 2] {
+    fn away_m(&self, pose: &Pose2, obstacle: &Obstacle) -> [f64; 2] {
         let corners = self.footprint.placed_m(pose);
         let to_side = |at: usize| {
             let (from, to) = (corners[at], corners[(at + 1) % corners.len()]);
@@ -265,7 +265,7 @@ impl Room {
             let gap_m = |obstacle: &&Obstacle| self.gap_m(&at, obstacle);
             let nearest = way.obstacles.iter().min_by(|a, b| gap_m(a).total_cmp(&gap_m(b)));
             let Some(nearest) = nearest.filter(|nearest| gap_m(nearest) < kept_m) else { return at };
-            let [x_m, y_m] = self.from_obstacle_m(&at, nearest);
+            let [x_m, y_m] = self.away_m(&at, nearest);
             let (apart_m, lacks_m) = (x_m.hypot(y_m), free_m - gap_m(&nearest));
             if apart_m <= nearest.radius_m {
                 break;
