@@ -475,7 +475,7 @@ fn spread(about: &RobotInfo, snapshot: &Snapshot) -> f64 {
 
 /// Whoever asked waits no more, or perhaps no more.
 fn is_too_late(waiting: &Waiting) -> bool {
-    waiting.is_over() || waiting.elapsed() > TOO_LATE
+    waiting.is_over() || waiting.is_longer_than(TOO_LATE)
 }
 
 /// What this thread has had of a processor.

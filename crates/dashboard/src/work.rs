@@ -41,7 +41,7 @@ impl Waiting {
         Waiting { whom: Some(Arc::downgrade(whom)), since: Instant::now() }
     }
 
-    /// What is done at once.
+    /// Nobody waits: what is done at once, or looks after itself.
     pub(crate) fn here() -> Self {
         Waiting { whom: None, since: Instant::now() }
     }
@@ -51,9 +51,9 @@ impl Waiting {
         self.whom.as_ref().is_some_and(|whom| whom.strong_count() == 0)
     }
 
-    /// How long they have been waiting, for a place to compute, too.
-    pub(crate) fn elapsed(&self) -> Duration {
-        self.since.elapsed()
+    /// Whether somebody has been waiting for longer than that, for a place to compute, too.
+    pub(crate) fn is_longer_than(&self, longest: Duration) -> bool {
+        self.whom.is_some() && self.since.elapsed() > longest
     }
 }
 
@@ -172,6 +172,7 @@ mod tests {
         // What fails isn't told to be busy.
         let failing = work.run::<()>(For::Reader, || panic!("on purpose"));
         assert_eq!(runtime.block_on(failing), Err(NotComputed::Failed));
-        assert!(!Waiting::here().is_over());
+        assert!(!Waiting::here().is_over() && !Waiting::here().is_longer_than(Duration::ZERO));
+        assert!(Waiting::of(&Arc::new(())).is_longer_than(Duration::ZERO));
     }
 }
