@@ -15,7 +15,7 @@ const OF_DRIVES: usize = 1;
 /// The longest wait for one to begin.
 const LONGEST_WAIT: Duration = Duration::from_secs(2);
 /// How much gentler than the thread that hears stops: it comes first wherever both could run.
-const NICE: i32 = 5;
+const NICE: i32 = 10;
 
 /// Who wants something computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

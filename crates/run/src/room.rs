@@ -256,15 +256,17 @@ impl Room {
         nearest.unwrap_or([f64::INFINITY; 2])
     }
 
-    /// Where a robot that stands inside of what is kept from obstacles is out of it: straight away from them, for the guard lets nothing
+    /// Where a robot that stands inside of what is planned to be kept from obstacles is out of it: straight away from them, for the guard lets nothing
     /// else pass there. Where it stands, where that is no way out.
     fn way_out(&self, way: &WayRequest<'_>) -> Pose2 {
-        let (mut at, kept_m) = (way.from, self.kept_m(way.spread_m));
-        let free_m = kept_m + BESIDE_GUARD_M + self.map.as_ref().map_or(self.cell_m, |map| map.cell_m);
+        let (mut at, cell_m) = (way.from, self.map.as_ref().map_or(self.cell_m, |map| map.cell_m));
+        // Just beside it the guard lets nothing come nearer either, as it would by a cell.
+        let beside_m = self.kept_m(way.spread_m) + BESIDE_GUARD_M;
+        let (enough_m, free_m) = (beside_m + 0.5 * cell_m, beside_m + cell_m);
         for _ in 0..LEFT_AT_ONCE {
             let gap_m = |obstacle: &&Obstacle| self.gap_m(&at, obstacle);
             let nearest = way.obstacles.iter().min_by(|a, b| gap_m(a).total_cmp(&gap_m(b)));
-            let Some(nearest) = nearest.filter(|nearest| gap_m(nearest) < kept_m) else { return at };
+            let Some(nearest) = nearest.filter(|nearest| gap_m(nearest) < enough_m) else { return at };
             let [x_m, y_m] = self.away_m(&at, nearest);
             let (apart_m, lacks_m) = (x_m.hypot(y_m), free_m - gap_m(&nearest));
             if apart_m <= nearest.radius_m {
