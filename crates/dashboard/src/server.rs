@@ -39,8 +39,8 @@ use crate::{drive_to, foxglove, streams};
 const HEADER: Duration = Duration::from_secs(10);
 /// The longest header, bytes.
 const LONGEST_HEADER: usize = 16 * 1024;
-/// Connections that wait to be taken.
-const BACKLOG: i32 = 512;
+/// Connections that wait to be taken: whoever comes last waits for all of them, some 0.1 ms each.
+const BACKLOG: i32 = 256;
 /// Turns of the thread's tasks after which it looks who has come.
 const LOOKS_UP: u32 = 8;
 
@@ -192,6 +192,8 @@ pub(crate) fn listen(address: SocketAddr) -> Result<(std::net::TcpListener, Sock
     let listener = std::net::TcpListener::bind(address).map_err(failed)?;
     // Those that come all at once wait to be taken: where they are turned away they come again after a second.
     rustix::net::listen(&listener, BACKLOG).map_err(|error| failed(error.into()))?;
+    // Whoever is taken there has it, too.
+    rustix::net::sockopt::set_tcp_nodelay(&listener, true).map_err(|error| failed(error.into()))?;
     listener.set_nonblocking(true).map_err(failed)?;
     let address = listener.local_addr().map_err(failed)?;
     Ok((listener, address))
@@ -299,10 +301,7 @@ async fn accept(listener: Listener, counters: Arc<Counters>, routes: Router) {
         }
         let peer = Peer { address, is_owner, seat: place.seat() };
         match comer {
-            Comer::Stranger(stream, _) => {
-                let _ = stream.set_nodelay(true);
-                talk(Connection::new(stream, place), peer, routes.clone());
-            }
+            Comer::Stranger(stream, _) => talk(Connection::new(stream, place), peer, routes.clone()),
             Comer::Owner(stream) => talk(Connection::new(stream, place), peer, routes.clone()),
         }
         // What it asks is heard before so many others come that its place is taken from it.

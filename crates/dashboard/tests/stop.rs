@@ -2,8 +2,9 @@
 //!
 //! That clock goes on as the server's thread computes, and stands while it doesn't: a cycle is 1 ms of its processor
 //! time. So a busy machine, on which that thread gets no time, makes nothing late here; what the thread does before it
-//! hears a stop does, whoever asked for it. What it would wait for without computing never ends in these tests: it is a
-//! file that never gives a byte.
+//! hears a stop does, whoever asked for it. Nor does a cycle that comes late: it runs on the server's processor, so the
+//! server doesn't go on meanwhile. What it would wait for without computing never ends in these tests: it is a file that
+//! never gives a byte.
 
 mod bench;
 mod hostile;
@@ -16,6 +17,7 @@ use bench::{Bench, Page, TOKEN};
 use hostile::{HOSTILE, Hostile, STOP, ask, connect, half, heaviest, reads, request};
 use omnibase_robot::RequestKind;
 use omnibase_robot::signals::{CycleRecord, Phase, StopCategory};
+use rustix::thread::{CpuSet, Pid, sched_getaffinity, sched_getcpu, sched_setaffinity};
 use serde_json::json;
 
 const CYCLE_NS: u64 = 1_000_000;
@@ -24,23 +26,28 @@ const MOST: u64 = 50;
 /// Stops of each kind under each attack.
 const STOPS: usize = 10;
 
-/// How long the server's thread has computed, ns.
-struct Computed(std::path::PathBuf);
+/// The thread of the one server of this process.
+struct Server(std::path::PathBuf);
 
-impl Computed {
-    /// The one server of this process.
-    fn find() -> Option<Computed> {
+impl Server {
+    fn find() -> Option<Server> {
         let threads = std::fs::read_dir("/proc/self/task").unwrap().map(|thread| thread.unwrap().path());
         let is_it = |thread: &std::path::PathBuf| {
             std::fs::read_to_string(thread.join("comm")).is_ok_and(|name| name.trim() == "dashboard")
         };
         let mut found: Vec<_> = threads.filter(is_it).collect();
         assert!(found.len() < 2, "{found:?}");
-        found.pop().map(|thread| Computed(thread.join("schedstat")))
+        found.pop().map(Server)
     }
 
-    fn ns(&self) -> u64 {
-        let text = std::fs::read_to_string(&self.0).unwrap();
+    fn stays_on(&self, processors: &CpuSet) {
+        let name = self.0.file_name().unwrap().to_str().unwrap();
+        sched_setaffinity(Pid::from_raw(name.parse().unwrap()), processors).unwrap();
+    }
+
+    /// How long it has computed.
+    fn computed_ns(&self) -> u64 {
+        let text = std::fs::read_to_string(self.0.join("schedstat")).unwrap();
         text.split_whitespace().next().unwrap().parse().unwrap()
     }
 }
@@ -48,7 +55,9 @@ impl Computed {
 /// A robot that is turned as its server computes.
 struct Robot {
     bench: Bench,
-    computed: Computed,
+    server: Server,
+    /// Where the server runs, and the cycle.
+    processor: CpuSet,
 }
 
 impl Robot {
@@ -56,14 +65,17 @@ impl Robot {
         let bench = Bench::new();
         // Its thread names itself when it begins.
         let begin = Instant::now();
-        let computed = loop {
-            match Computed::find() {
-                Some(computed) => break computed,
+        let server = loop {
+            match Server::find() {
+                Some(server) => break server,
                 None => assert!(begin.elapsed() < Duration::from_secs(60), "it never begins"),
             }
             std::thread::yield_now();
         };
-        Robot { computed, bench }
+        let mut processor = CpuSet::new();
+        processor.set(sched_getcpu());
+        server.stays_on(&processor);
+        Robot { bench, server, processor }
     }
 
     fn address(&self) -> SocketAddr {
@@ -72,7 +84,7 @@ impl Robot {
 
     /// One cycle now; whether it took a stop.
     fn turn(&mut self) -> bool {
-        let now_ns = self.computed.ns();
+        let now_ns = self.server.computed_ns();
         let turn = self.bench.end.turn(now_ns, &CycleRecord::default(), Phase::Holding);
         turn.request.is_some_and(|request| request.kind == RequestKind::Stop(StopCategory::RampAndHold))
     }
@@ -81,12 +93,15 @@ impl Robot {
     fn cycles(&mut self, what: &str, send: impl FnOnce()) -> u64 {
         while self.turn() {}
         send();
-        let sent_ns = self.computed.ns();
+        let anywhere = sched_getaffinity(None).unwrap();
+        sched_setaffinity(None, &self.processor).unwrap();
+        let sent_ns = self.server.computed_ns();
         let begin = Instant::now();
         loop {
             // It comes after this moment, or at once.
-            let not_yet_ns = self.computed.ns();
+            let not_yet_ns = self.server.computed_ns();
             if self.turn() {
+                sched_setaffinity(None, &anywhere).unwrap();
                 return not_yet_ns.saturating_sub(sent_ns) / CYCLE_NS;
             }
             assert!(begin.elapsed() < Duration::from_secs(60), "{what}: the stop was never taken");
