@@ -102,13 +102,22 @@ impl SocketApplication {
             let refused = |error: &io::Error| error.kind() == ErrorKind::ConnectionRefused;
             is_socket && UnixStream::connect(&path).is_err_and(|error| refused(&error))
         };
-        let listener = match UnixListener::bind(&path) {
-            Err(error) if error.kind() == ErrorKind::AddrInUse && is_left() => {
+        // Whoever sees the socket is heard there: it has its name once it listens.
+        let mut unnamed = path.clone().into_os_string();
+        unnamed.push(format!(".{}", std::process::id()));
+        let listener = UnixListener::bind(&unnamed)?;
+        let named = match std::fs::hard_link(&unnamed, &path) {
+            Err(error) if error.kind() == ErrorKind::AlreadyExists && is_left() => {
                 std::fs::remove_file(&path)?;
-                UnixListener::bind(&path)?
+                std::fs::hard_link(&unnamed, &path)
             }
-            bound => bound?,
+            named => named,
         };
+        std::fs::remove_file(&unnamed)?;
+        named.map_err(|error| match error.kind() {
+            ErrorKind::AlreadyExists => ErrorKind::AddrInUse.into(),
+            _ => error,
+        })?;
         listener.set_nonblocking(true)?;
         Ok(SocketApplication { listener, path, pace, firmware: None, turns: 0 })
     }
@@ -390,6 +399,23 @@ mod tests {
         assert_eq!(refused(&path), Some(ErrorKind::AddrInUse));
         assert_eq!(std::fs::read_to_string(&path).unwrap(), "no socket");
         std::fs::remove_file(&path).unwrap();
+    }
+
+    #[test]
+    fn whoever_sees_the_socket_is_heard_there() {
+        let path = std::env::temp_dir().join(format!("omnibase-{}-seen.pdi", std::process::id()));
+        for _ in 0..2000 {
+            let seen = path.clone();
+            let firmware = std::thread::spawn(move || {
+                while !seen.exists() {
+                    std::hint::spin_loop();
+                }
+                UnixStream::connect(&seen).map(drop)
+            });
+            let listening = SocketApplication::bind(&path, Pace::Free).unwrap();
+            firmware.join().unwrap().unwrap();
+            drop(listening);
+        }
     }
 
     /// A chip whose AL request is acknowledged by any read.

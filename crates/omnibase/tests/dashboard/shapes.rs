@@ -28,8 +28,12 @@ fn a_fence_is_changed_by_mouse_and_keyboard_and_none_is_taken_that_leaves_the_ro
     page.open(&robot.url());
     opened(&mut page);
     let screen = Screen::of(&mut page, &robot);
-    page.click("#fence");
-    page.wait("!document.getElementById('shape-bar').hidden && document.getElementById('shape-bar').elements.corner.length === 4");
+    // Words that come above the view while the mouse is on its way move the button.
+    until(&mut page, "the fence is edited", |page| {
+        page.click("#fence");
+        page.is_true_within("!document.getElementById('shape-bar').hidden", HIT)
+    });
+    page.wait("document.getElementById('shape-bar').elements.corner.length === 4");
     // By the mouse: a corner is dragged, and a click on a side's middle makes another one. A page that hears its robot late says so
     // above the view, which moves by that: then it is dragged on from where it lies.
     // Words may also lie over the view for a moment: then nothing was dragged, or the view was.

@@ -20,8 +20,8 @@ struct Own {
     _lock: fs::File,
 }
 
-/// A fresh crate, and its program: built against the library as the workspace built it, for `cargo build` outside the
-/// workspace would compile that library anew for minutes. `.ci/run` has cargo build and test such a crate.
+/// A fresh crate, its program and its tests: built against the library as the workspace built it, for `cargo build` outside
+/// the workspace would compile that library anew for minutes.
 fn own_crate() -> Own {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("own-robot");
     // Tests that run beside these, of another process, wait until nobody uses it any more.
@@ -60,6 +60,7 @@ fn own_crate() -> Own {
         ]
         .concat(),
     );
+    run("rustc", &[&with_stages[..], &["--test", "tests/robot.rs", "-o", "its-tests"]].concat());
     let program = folder.join("own-robot");
     Own { folder, program, _lock: lock }
 }
@@ -113,6 +114,15 @@ fn a_crate_of_ones_own_is_checked_recorded_reported_and_replayed() {
     without.args(["replay", "run.mcap"]).current_dir(&own().folder);
     let refused = Program::start(without).end();
     assert!(!refused.status.success() && refused.said.contains("pi_speed"), "{}", refused.said);
+}
+
+#[test]
+fn the_tests_of_a_crate_of_ones_own_pass() {
+    let folder = &own().folder;
+    let mut tests = Command::new(folder.join("its-tests"));
+    tests.current_dir(folder);
+    let ended = Program::start(tests).end();
+    assert!(ended.status.success() && ended.output.contains("1 passed"), "{}", ended.said);
 }
 
 #[test]
