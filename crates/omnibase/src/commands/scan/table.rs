@@ -120,7 +120,7 @@ fn place(bus: &AnyBus, one: &SubDevice, table: &mut RobotTable) {
         bus.subdevices().iter().filter(|other| is_its(other)).count() == 1
     };
     let (alias, identification) = (one.alias, one.identification);
-    if let Some(alias) = alias.filter(|_| is_own(&|other| other.alias == alias)) {
+    if let Some(alias) = alias.filter(|alias| is_own(&|other| other.claims_alias(*alias))) {
         return table.line(&format!("alias = {alias}"), "found by it wherever it is plugged in");
     }
     if let Some(number) = identification.filter(|_| is_own(&|other| other.identification == identification)) {
