@@ -41,8 +41,16 @@ impl<C: Clock> Guide<'_, C> {
                 self.hand.tell(&text);
                 self.record.found(text);
             }
+            // What a set-up that was left has written counts from the next power-on.
+            let waiting = drive.written_alias.filter(|alias| has.is_some_and(|one| one.claims_alias(*alias)));
             let mut choices = vec!["alias".to_owned()];
             let mut text = format!("{wheel}: write an alias into its drive's EEPROM");
+            if let Some(waiting) = waiting {
+                choices.insert(0, "keep".to_owned());
+                text = format!(
+                    "{wheel}: its drive's EEPROM has alias {waiting}, which counts once it was switched off and on: keep it, write another one"
+                );
+            }
             if let Some(shown) = shown {
                 choices.push("switch".to_owned());
                 text += &format!(", find it by its switch (it shows {shown})");
@@ -52,6 +60,10 @@ impl<C: Clock> Guide<'_, C> {
             match self.choose(format!("name {}", drive.position), text, &choices) {
                 Err(Leave) => return Ok(false),
                 Ok(choice) if choice == "alias" => {}
+                Ok(choice) if choice == "keep" => {
+                    written.extend(waiting.map(|alias| (number, alias)));
+                    continue;
+                }
                 Ok(choice) if choice == "switch" => {
                     if let Some(other) = others(&|one| one.identification == shown) {
                         let text = format!(
