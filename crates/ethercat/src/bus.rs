@@ -114,11 +114,10 @@ impl fmt::Display for Warning {
                      positions isn't that of the cables; plug the cable from the MainDevice into IN"
                 )
             }
-            Warning::NoEeprom(error) => write!(f, "{error}; it is taken as a device without identity"),
-            Warning::ErasedEeprom { position } => write!(
-                f,
-                "SubDevice {position}: the EEPROM is erased; it is taken as a device without identity"
-            ),
+            Warning::NoEeprom(error) => write!(f, "{error}; nobody knows what it is"),
+            Warning::ErasedEeprom { position } => {
+                write!(f, "SubDevice {position}: the EEPROM is erased; nobody knows what it is")
+            }
             Warning::NoPdos { position, sync_manager, bytes } => write!(
                 f,
                 "SubDevice {position}: no PDO is named for SyncManager {sync_manager}, neither by its SII nor by CoE, yet \

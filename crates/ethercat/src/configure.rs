@@ -138,9 +138,7 @@ fn find_places(subdevices: &[SubDevice], configs: &[&SubDeviceConfig]) -> Result
         }
         places.push(position);
     }
-    // Nobody needs a SubDevice without identity that isn't configured.
-    let spare = subdevices.iter().filter(|one| one.broken.is_some() && !places.contains(&one.position));
-    if configs.len() + spare.count() != count {
+    if configs.len() != count {
         let unconfigured = subdevices.iter().find(|one| !places.contains(&one.position));
         let missing = (places.iter().zip(configs)).find(|(position, _)| usize::from(**position) >= count);
         let first = match (unconfigured, missing) {
@@ -223,8 +221,9 @@ fn prepare(subdevice: &mut SubDevice, timeouts: StateTimeouts) -> Result<Option<
 impl<L: Link, C: Clock> Bus<L, C> {
     /// Compares the segment with `configs`, brings every SubDevice to PRE-OP, writes what is asked, and makes
     /// everything ready for SAFE-OP. Without any configuration each SubDevice is taken as it describes itself. One that is
-    /// [`SubDevice::broken`] is refused, but for one without any identity.
+    /// [`SubDevice::broken`] is refused, whether it is configured or not: nobody knows who it is.
     pub fn configure(&mut self, configs: &[SubDeviceConfig]) -> Result<(), SetUpError> {
+        self.refuse_broken()?;
         if !configs.is_empty() {
             let configs = present(&self.subdevices, configs)?;
             let places = find_places(&self.subdevices, &configs)?;
@@ -237,14 +236,13 @@ impl<L: Link, C: Clock> Bus<L, C> {
                 }
             }
         }
-        self.refuse_broken()?;
         self.set_up(Unusable::IsError)
     }
 
-    /// What says of itself that it isn't right is believed in nothing else, whoever needs it.
+    /// What says of itself that it isn't right is believed in nothing else, its identity and alias neither.
     fn refuse_broken(&self) -> Result<(), SetUpError> {
-        let known = self.subdevices.iter().filter(|one| one.identity != Identity::default());
-        match known.filter_map(|one| Some((one.position, one.broken.clone()?))).next() {
+        let mut all = self.subdevices.iter();
+        match all.find_map(|one| Some((one.position, one.broken.clone()?))) {
             Some((position, cause)) => Err(SetUpError::Broken { position, cause }),
             None => Ok(()),
         }

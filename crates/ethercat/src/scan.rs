@@ -2,7 +2,8 @@
 
 use alloc::borrow::ToOwned;
 use alloc::collections::BTreeMap;
-use alloc::string::{String, ToString};
+use alloc::format;
+use alloc::string::String;
 use alloc::vec::Vec;
 use core::time::Duration;
 
@@ -28,6 +29,9 @@ const EEPROM_LOADED: u16 = 1;
 /// What an EEPROM is whose checksum is wrong.
 const WRONG_CHECKSUM: &str = "the checksum of its EEPROM is wrong: it was left half-written, or never written right; write \
                               the whole (`omnibase eeprom write`)";
+/// What an EEPROM is that nobody wrote yet.
+const ERASED: &str =
+    "its EEPROM is erased: write its maker's image (`omnibase eeprom write --other-product`)";
 /// What a chip is whose EEPROM was made right behind its power-on, or came too late.
 const NOT_LOADED: &str = "its EEPROM is right and its chip didn't load it: power it off and on";
 /// Counts that must agree one after another, and how often that is tried.
@@ -47,6 +51,13 @@ const BLANK_IMAGE: [u8; sii::HEADER + 2] = {
     image[sii::HEADER + 1] = 0xFF;
     image
 };
+
+/// What an EEPROM is that is missing or dead.
+fn unreadable(EepromError { word, cause, .. }: &EepromError) -> String {
+    format!(
+        "its EEPROM can't be read (word 0x{word:04x}: {cause}): power it off and on; where that doesn't help, its EEPROM is dead"
+    )
+}
 
 /// What the controllers' registers said of one SubDevice.
 struct Identified {
@@ -418,14 +429,14 @@ impl<L: Link, C: Clock> Bus<L, C> {
                     },
                 ) => {
                     self.warnings.push(Warning::NoEeprom(error));
-                    (&BLANK_IMAGE[..], Some(error.to_string()))
+                    (&BLANK_IMAGE[..], Some(unreadable(&error)))
                 }
                 other => {
                     other?;
                     match reader.image() {
                         image if image.iter().take(sii::HEADER).all(|byte| *byte == 0xFF) => {
                             self.warnings.push(Warning::ErasedEeprom { position });
-                            (&BLANK_IMAGE[..], Some("its EEPROM is erased".to_owned()))
+                            (&BLANK_IMAGE[..], Some(ERASED.to_owned()))
                         }
                         image => (image, None),
                     }

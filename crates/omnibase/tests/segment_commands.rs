@@ -536,8 +536,12 @@ fn a_subdevice_that_is_broken_is_named_and_left_out_where_nobody_needs_it() {
         let broken: Vec<&str> = subdevices.iter().map(|one| one["broken"].as_str().unwrap_or("")).collect();
         assert!(broken[1].contains(cause) && broken[0].is_empty() && broken[2].is_empty(), "{broken:?}");
         assert_eq!((&subdevices[0]["state"], &subdevices[2]["state"]), (&"PRE-OP".into(), &"PRE-OP".into()));
-        let plain = text(&omnibase(&["scan", &target]).stdout);
-        assert!(plain.contains("    broken    ") && plain.contains(cause), "{plain}");
+        for [wish, mark] in [["--visible", "    broken    "], ["--toml", "# BROKEN, so it is left out: "]] {
+            let plain = omnibase(&["scan", &target, wish]);
+            assert_eq!(plain.status.code(), Some(1), "{name} {wish}: {}", text(&plain.stderr));
+            let plain = text(&plain.stdout);
+            assert!(plain.contains(mark) && plain.contains(cause), "{plain}");
+        }
         // The others don't need it.
         for position in ["0", "2"] {
             let read = omnibase(&["sdo", "read", &target, position, "6041:00"]);

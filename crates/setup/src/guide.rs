@@ -1,5 +1,6 @@
 //! The steps, one after the other.
 
+mod alias_write;
 mod at_start;
 mod brakes;
 mod floor;
@@ -63,6 +64,9 @@ pub enum SetupError {
     /// The bus refuses.
     #[error("{0}")]
     Bus(String),
+    /// An EEPROM is half-written.
+    #[error("{0}. The same set-up, taken up again, makes it whole")]
+    BrokenOff(String),
     /// The port is broken.
     #[error(transparent)]
     Link(#[from] LinkError),
@@ -245,6 +249,9 @@ impl<'a, C: Clock> Guide<'a, C> {
     }
 
     fn steps(&mut self) -> Result<Ended, SetupError> {
+        if !self.finish_alias()? {
+            return Ok(Ended::Left(None));
+        }
         for step in Step::ALL {
             if self.record.done.contains(&step) {
                 self.hand.step(step, true);

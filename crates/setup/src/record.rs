@@ -117,6 +117,17 @@ pub struct FoundDrive {
     pub gear_ratio: Option<f64>,
 }
 
+/// An alias that is being written into an EEPROM: what breaks off is made whole from it.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct AliasWrite {
+    /// Position on the bus.
+    pub position: u16,
+    /// The alias.
+    pub alias: u16,
+    /// The EEPROM's fixed part, as it was before.
+    pub begins: Vec<u8>,
+}
+
 /// A SubDevice that is no drive.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FoundDevice {
@@ -159,6 +170,9 @@ pub struct Record {
     /// The robot's file as it was written last.
     #[serde(default)]
     pub written: Option<String>,
+    /// An alias whose writing isn't over.
+    #[serde(default)]
+    pub writing: Option<AliasWrite>,
     /// What was driven on the floor, and what a tape said of it.
     #[serde(default)]
     pub legs: Vec<Leg>,

@@ -401,6 +401,31 @@ fn an_alias_is_believed_once_the_drive_shows_it() {
     assert!(found.record.findings.join("\n").contains("alias 77 was written, its drive shows none"));
 }
 
+/// An alias that was written before the set-up was left waits for its power-on: it needn't be written again.
+#[test]
+fn an_alias_that_waits_for_its_power_on_is_kept() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let remembers = Circumstances { has_memory: true, ..Circumstances::default() };
+    let (mut backups, mut leaves) = (0, once("name 1", Answer::Leave));
+    let mut back_up = |_: u16, _: &[u8]| {
+        backups += 1;
+        Ok(())
+    };
+    let found = set_up_in(
+        &robot,
+        remembers,
+        &mut |question| match question.id.as_str() {
+            "name 0" => Some(said(if question.choices[0] == "keep" { "keep" } else { "alias" })),
+            "alias 0" => Some(said("77")),
+            _ => leaves(question),
+        },
+        &mut back_up,
+    );
+    let text = found.unwrap().text;
+    assert!(text.contains("alias = 77"), "{text}");
+    assert_eq!(backups, 1, "it is written once");
+}
+
 /// An alias that another drive's EEPROM has, but not the drive yet, is neither proposed nor taken.
 #[test]
 fn an_alias_of_another_eeprom_is_taken() {

@@ -1,7 +1,9 @@
 //! Finding SubDevices on the simulated bus.
 
-use crate::segment::{Seldom, obedient, recorded_sii, sii_of};
-use omnibase_ethercat::wire::{AlState, Clock, HostTime, sii};
+use crate::segment::{Seldom, obedient, recorded_sii, sii_of, with_eeprom};
+use omnibase_ethercat::config::SubDeviceConfig;
+use omnibase_ethercat::wire::sii::Identity;
+use omnibase_ethercat::wire::{AlState, Clock, HostTime, register, sii};
 use omnibase_ethercat::{Bus, BusOptions, SetUpError, Warning};
 use omnibase_ethercat_sim::{Attachment, EscConfig, Parent, Segment, SegmentFile, SubDevice, in_process};
 use std::path::Path;
@@ -126,7 +128,7 @@ fn one_whose_processor_looks_seldom_is_waited_for() {
 fn one_whose_eeprom_was_not_loaded_is_found() {
     use omnibase_ethercat_sim::Fault;
     use omnibase_ethercat_sim::pdi::ApplicationFault;
-    let mut segment = Segment::line(vec![obedient(EscConfig::default())]).unwrap();
+    let mut segment = Segment::line(vec![with_eeprom(Vec::new())]).unwrap();
     segment.inject(0, Fault::from(ApplicationFault::Frozen(true))).unwrap();
     let (link, clock) = in_process(segment);
     let mut bus = Bus::new(link, clock, BusOptions::default());
@@ -177,9 +179,40 @@ fn delays_and_parents_in_a_tree_are_the_true_ones() {
     assert!(apart < 100_000, "system time is {apart} ns from the host's");
 }
 
+/// Nobody knows what it is, whatever its processor would do: who wants all is refused, who does without it has the others.
+#[test]
+fn one_whose_eeprom_cant_be_known_stays_out_of_everything() {
+    let spoiled = {
+        let mut image = sii_of(Identity::default(), 0);
+        image[14] ^= 0xFF;
+        image
+    };
+    let cases = [
+        (Vec::new(), "its EEPROM can't be read (word 0x0000: "),
+        (vec![0xFF; 256], "its EEPROM is erased: write its maker's image"),
+        (spoiled, "the checksum of its EEPROM is wrong"),
+    ];
+    for (image, cause) in cases {
+        let devices = vec![obedient(EscConfig::default()), with_eeprom(image)];
+        let (link, clock) = in_process(Segment::line(devices).unwrap());
+        let mut bus = Bus::new(link, clock, BusOptions::default());
+        assert_eq!(bus.scan().unwrap().len(), 2);
+        let other = SubDeviceConfig::default();
+        let both = [other.clone(), SubDeviceConfig::default()];
+        for configs in [&[][..], &[other], &both] {
+            let refused = bus.configure(configs).unwrap_err().to_string();
+            assert!(refused.starts_with(&format!("SubDevice 1 is broken: {cause}")), "{refused}");
+        }
+        assert_eq!(bus.configure_sound(), Ok(()));
+        let states = bus.transactor().link.segment().sub_devices().iter();
+        let states: Vec<_> = states.map(|one| one.esc().peek(register::AL_STATUS, 2).unwrap()[0]).collect();
+        assert_eq!(states, [2, 1], "{cause}");
+    }
+}
+
 #[test]
 fn a_dead_eeprom_is_a_warning() {
-    let (link, clock) = in_process(Segment::line(vec![obedient(EscConfig::default())]).unwrap());
+    let (link, clock) = in_process(Segment::line(vec![with_eeprom(Vec::new())]).unwrap());
     let mut bus = Bus::new(link, clock, BusOptions::default());
     assert_eq!(bus.scan().unwrap().len(), 1);
     assert!(matches!(bus.warnings(), [Warning::NoEeprom(_)]), "{:?}", bus.warnings());

@@ -58,9 +58,17 @@ impl Application for Seldom {
     }
 }
 
-/// A SubDevice of this chip with obedient firmware.
-pub fn obedient(config: EscConfig) -> SubDevice {
+/// A SubDevice of this chip with obedient firmware; without an image of its own its EEPROM is that of nobody in particular.
+pub fn obedient(mut config: EscConfig) -> SubDevice {
+    if config.sii.is_empty() {
+        config.sii = sii_of(Identity::default(), 0);
+    }
     SubDevice::new(config, Box::new(Obedient))
+}
+
+/// The same, whose EEPROM holds these bytes; none where it is dead.
+pub fn with_eeprom(sii: Vec<u8>) -> SubDevice {
+    SubDevice::new(EscConfig { sii, ..EscConfig::default() }, Box::new(Obedient))
 }
 
 /// A recorded SII image; `None` (and a loud note) where the recordings aren't there.

@@ -196,7 +196,8 @@ fn alias(arguments: &AliasArguments, output: &mut dyn Write) -> anyhow::Result<O
 /// Whether the fixed part of an image is nothing but ones or zeros, whatever its checksum.
 fn is_blank(image: &[u8]) -> bool {
     let fixed = image.iter().take(sii::HEADER).enumerate().filter(|(at, _)| !CHECKSUM.contains(at));
-    fixed.clone().all(|(_, byte)| *byte == 0xFF) || fixed.clone().all(|(_, byte)| *byte == 0)
+    let is_all = |value: u8| fixed.clone().all(|(_, byte)| *byte == value);
+    !image.is_empty() && (is_all(0xFF) || is_all(0))
 }
 
 /// The size of an EEPROM that was read beyond its end, bytes, where the chip doesn't refuse that and begins anew.

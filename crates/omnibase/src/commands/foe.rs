@@ -194,13 +194,20 @@ impl Place {
     fn write(&self, bus: &mut AnyBus, access: &FileAccess, content: &[u8]) -> anyhow::Result<()> {
         note(format_args!("writing {} bytes as `{}`", content.len(), access.name));
         let written = self.transfer(bus, MailboxRequest::write_file(access.clone(), content.to_vec()));
-        written.map(drop).with_context(|| {
+        written.map(drop).map_err(|error| {
+            let position = self.position;
+            if refused_at(&error) == Some(0) {
+                self.leave(bus, "power it off and on");
+                return error.context(format!(
+                    "SubDevice {position} refused the file before its first byte: nothing of it was written"
+                ));
+            }
             let left = if self.pre_op {
                 "may have a part of that file now"
             } else {
                 "may be without firmware now and wait for it: leave its power on"
             };
-            format!("SubDevice {} {left}; give the same command again", self.position)
+            error.context(format!("SubDevice {position} {left}; give the same command again"))
         })
     }
 
@@ -215,7 +222,7 @@ impl Place {
         let found = match self.transfer(bus, MailboxRequest::read_file(access.clone(), room)) {
             Ok(found) => found,
             // Many devices take a file and give none back; whoever fell silent or gave more is another matter.
-            Err(error) if is_refusal(&error) => return Ok(Err(format!("{error:#}"))),
+            Err(error) if refused_at(&error).is_some() => return Ok(Err(format!("{error:#}"))),
             Err(error) => return Err(error.context("reading back what was written: write it again")),
         };
         let differs = found.iter().zip(content).position(|(found, written)| found != written);
@@ -240,10 +247,12 @@ impl Place {
     }
 }
 
-/// Whether a device said that it won't.
-fn is_refusal(error: &anyhow::Error) -> bool {
-    let refused = |cause: &MailboxError| matches!(cause, MailboxError::FileRefused { .. });
-    matches!(error.downcast_ref(), Some(SetUpError::Request { cause, .. }) if refused(cause))
+/// At which packet a device said that it won't; 0 is before the first.
+fn refused_at(error: &anyhow::Error) -> Option<u32> {
+    match error.downcast_ref() {
+        Some(SetUpError::Request { cause: MailboxError::FileRefused { packet, .. }, .. }) => Some(*packet),
+        _ => None,
+    }
 }
 
 fn parse_password(text: &str) -> Result<u32, String> {
@@ -262,10 +271,10 @@ mod tests {
         let operation = Operation::ReadFile;
         let failed = |cause| anyhow::Error::new(SetUpError::Request { position: 2, operation, cause });
         let (code, text) = (FoeErrorCode::NOT_FOUND, ShortText::beginning(b""));
-        assert!(is_refusal(&failed(MailboxError::FileRefused { code, packet: 0, text })));
+        assert_eq!(refused_at(&failed(MailboxError::FileRefused { code, packet: 3, text })), Some(3));
         let silent = MailboxError::Timeout { waiting: Waiting::Answer, after: FILE_TIMEOUT };
         for cause in [silent, MailboxError::Unreachable { after: FILE_TIMEOUT }, MailboxError::Reset] {
-            assert!(!is_refusal(&failed(cause)), "{cause}");
+            assert_eq!(refused_at(&failed(cause)), None, "{cause}");
         }
     }
 }

@@ -64,7 +64,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         let refusal = bus.configure_sound().err();
         commands::note_warnings(&bus);
         write!(output, "{}", table::of(&mut bus))?;
-        return refusal.map_or(Ok(Outcome::Done), |error| Err(error.into()));
+        return outcome(refusal, bus.subdevices().iter().any(|one| one.broken.is_some()));
     }
     let (report, refusal) = look(&arguments.target, arguments.manners, arguments.dictionary)?;
     report.warnings.iter().for_each(warn);
@@ -74,10 +74,14 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     } else {
         report.print(output)?;
     }
+    outcome(refusal, report.subdevices.iter().any(|one| one.broken.is_some()))
+}
+
+/// How it ended: who is broken was named and left out.
+fn outcome(refusal: Option<SetUpError>, are_broken: bool) -> anyhow::Result<Outcome> {
     match refusal {
         Some(error) => Err(error.into()),
-        None if report.subdevices.iter().any(|one| one.broken.is_some()) => Ok(Outcome::Failed),
-        None => Ok(Outcome::Done),
+        None => Ok(if are_broken { Outcome::Failed } else { Outcome::Done }),
     }
 }
 

@@ -229,6 +229,10 @@ fn firmware_is_written_compared_and_read_over_a_cable() {
         let (code, words) =
             said(&["read", near, "1", &path("none.bin"), "--name", "firmware.bin", "--pre-op"]);
         assert!(code == Some(1) && words.contains("0x8008 in BOOT only"), "{words}");
+        let (code, words) =
+            said(&["write", near, "1", &path("new.bin"), "--name", "firmware.bin", "--pre-op"]);
+        assert!(code == Some(1) && words.contains("0x8008 in BOOT only"), "{words}");
+        assert!(words.contains("before its first byte: nothing of it was written"), "{words}");
         // The others were left alone, and everybody works.
         let found = json(&omnibase(&["scan", near, "--json"]));
         // A frame that a busy machine answered too late is none of theirs.

@@ -41,8 +41,16 @@ impl<C: Clock> Guide<'_, C> {
                 self.hand.tell(&text);
                 self.record.found(text);
             }
+            // What a set-up that was left has written counts from the next power-on.
+            let waiting = drive.written_alias.filter(|alias| has.is_some_and(|one| one.claims_alias(*alias)));
             let mut choices = vec!["alias".to_owned()];
             let mut text = format!("{wheel}: write an alias into its drive's EEPROM");
+            if let Some(waiting) = waiting {
+                choices.insert(0, "keep".to_owned());
+                text = format!(
+                    "{wheel}: its drive's EEPROM has alias {waiting}, which counts once it was switched off and on: keep it, write another one"
+                );
+            }
             if let Some(shown) = shown {
                 choices.push("switch".to_owned());
                 text += &format!(", find it by its switch (it shows {shown})");
@@ -52,6 +60,10 @@ impl<C: Clock> Guide<'_, C> {
             match self.choose(format!("name {}", drive.position), text, &choices) {
                 Err(Leave) => return Ok(false),
                 Ok(choice) if choice == "alias" => {}
+                Ok(choice) if choice == "keep" => {
+                    written.extend(waiting.map(|alias| (number, alias)));
+                    continue;
+                }
                 Ok(choice) if choice == "switch" => {
                     if let Some(other) = others(&|one| one.identification == shown) {
                         let text = format!(
@@ -75,8 +87,7 @@ impl<C: Clock> Guide<'_, C> {
         if written.is_empty() {
             return Ok(true);
         }
-        let text = "switch the supply of all drives off, wait until they are dark, and on again".to_owned();
-        if self.choose("power".to_owned(), text, &["done".to_owned()]).is_err() {
+        if !self.are_switched_off_and_on() {
             return Ok(false);
         }
         let bus = self.scanned()?;
@@ -107,6 +118,12 @@ impl<C: Clock> Guide<'_, C> {
         Ok(true)
     }
 
+    /// Somebody does it, as what stands in EEPROMs counts from then on; `false` where it is left.
+    pub(super) fn are_switched_off_and_on(&mut self) -> bool {
+        let text = "switch the supply of all drives off, wait until they are dark, and on again".to_owned();
+        self.choose("power".to_owned(), text, &["done".to_owned()]).is_ok()
+    }
+
     /// An alias that nobody has, asked for.
     fn free_alias(&mut self, bus: &AnyBus<C>, number: usize, written: &[(usize, u16)]) -> Result<u16, Leave> {
         let position = self.record.drives[number].position;
@@ -128,31 +145,5 @@ impl<C: Clock> Guide<'_, C> {
             self.hand.tell(&format!("expected a whole number up to 65535 that nobody has, found {said}"));
         }
         Err(Leave)
-    }
-
-    /// Writes it, with what was there kept before; whether it stands in the EEPROM.
-    fn write_alias(&mut self, bus: &mut AnyBus<C>, number: usize, alias: u16) -> Result<bool, SetupError> {
-        let position = self.record.drives[number].position;
-        let Some(after) = bus.sii_with_alias(position, alias).map_err(|error| in_words(&error))? else {
-            let text = format!(
-                "SubDevice {position}: the checksum of its EEPROM is wrong: only the whole can be written (`omnibase eeprom write`)"
-            );
-            self.hand.tell(&text);
-            self.record.found(text);
-            return Ok(false);
-        };
-        let before = bus.read_sii(position).map_err(|error| in_words(&error))?;
-        if let Err(error) = (self.back_up)(position, &before) {
-            let text =
-                format!("SubDevice {position}: its EEPROM couldn't be kept, so it isn't written: {error}");
-            self.hand.tell(&text);
-            self.record.found(text);
-            return Ok(false);
-        }
-        bus.write_sii(position, &before, &after).map_err(|error| in_words(&error))?;
-        self.record.drives[number].written_alias = Some(alias);
-        self.record.note(format!("SubDevice {position}: alias {alias} written into its EEPROM"));
-        self.kept();
-        Ok(true)
     }
 }

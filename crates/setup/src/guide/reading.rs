@@ -233,7 +233,7 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Says what somebody has to look at, and keeps it.
-    fn tell_found(&mut self, text: String) {
+    pub(super) fn tell_found(&mut self, text: String) {
         self.hand.tell(&text);
         self.record.found(text);
     }

@@ -32,9 +32,9 @@ pub fn of(bus: &mut AnyBus) -> String {
     let mut text = String::from(
         "# Written by `omnibase scan --toml`. Lines marked FILL IN are what no bus tells: measure them, take their `# ` away.\n",
     );
-    for warning in bus.warnings() {
-        text.push_str(&format!("# WARNING: {warning}.\n"));
-    }
+    let mut warnings = RobotTable::default();
+    bus.warnings().iter().for_each(|warning| warnings.comment(&format!("WARNING: {warning}.")));
+    text.push_str(warnings.text());
     let mut names = Vec::new();
     for position in 0..bus.subdevices().len() as u16 {
         let one = bus.subdevices()[usize::from(position)].clone();
@@ -120,7 +120,7 @@ fn place(bus: &AnyBus, one: &SubDevice, table: &mut RobotTable) {
         bus.subdevices().iter().filter(|other| is_its(other)).count() == 1
     };
     let (alias, identification) = (one.alias, one.identification);
-    if let Some(alias) = alias.filter(|_| is_own(&|other| other.alias == alias)) {
+    if let Some(alias) = alias.filter(|alias| is_own(&|other| other.claims_alias(*alias))) {
         return table.line(&format!("alias = {alias}"), "found by it wherever it is plugged in");
     }
     if let Some(number) = identification.filter(|_| is_own(&|other| other.identification == identification)) {
@@ -323,5 +323,37 @@ fn signals(maps: &[Vec<MappedPdo>; 2], table: &mut RobotTable) {
             table.line(&line, &reason);
         }
         table.line("]", "");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::target::AnyClock;
+    use omnibase_ethercat::wire::Link;
+    use omnibase_ethercat::{Bus, BusOptions};
+    use omnibase_ethercat_sim::{SegmentFile, in_process};
+
+    /// From the next power-on two would have it.
+    #[test]
+    fn an_alias_that_another_eeprom_has_already_names_nobody() {
+        let text = "[[subdevice]]\nkind = \"servo\"\nalias = 7\n[[subdevice]]\nkind = \"servo\"\n";
+        let segment = SegmentFile::parse(text).unwrap().build(std::path::Path::new(".")).unwrap();
+        let (link, clock) = in_process(segment);
+        let mut bus =
+            Bus::new(Box::new(link) as Box<dyn Link>, AnyClock::Virtual(clock), BusOptions::default());
+        bus.scan().unwrap();
+        bus.configure(&[]).unwrap();
+        assert!(of(&mut bus).contains("\nalias = 7 "));
+        let before = bus.read_sii(1).unwrap();
+        let after = bus.sii_with_alias(1, 7).unwrap().unwrap();
+        bus.write_sii(1, &before, &after).unwrap();
+        bus.scan().unwrap();
+        bus.configure(&[]).unwrap();
+        let tables = of(&mut bus);
+        assert!(
+            !tables.contains("\nalias = ") && tables.contains("others have its alias 7, too"),
+            "{tables}"
+        );
     }
 }

@@ -1,0 +1,326 @@
+//! An alias written into an EEPROM, and what becomes of a writing that broke off: the record knows what was being written.
+
+use omnibase_ethercat::eeprom::with_checksum;
+use omnibase_ethercat::wire::{Clock, Link, sii};
+use omnibase_ethercat::{Bus, BusOptions};
+
+use super::{Guide, SetupError, in_words};
+use crate::record::AliasWrite;
+
+type AnyBus<C> = Bus<Box<dyn Link>, C>;
+
+/// Words that the writing of an alias changes: the alias, and the checksum.
+const CHANGED: [usize; 2] = [4, 7];
+
+/// What became of a writing, by what stands in the EEPROM now.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Stands {
+    /// It is another EEPROM, or somebody else made it whole since.
+    Other,
+    /// As it was before.
+    AsBefore,
+    /// Half of it.
+    Half,
+    /// All of it.
+    Whole,
+}
+
+impl AliasWrite {
+    fn stands(&self, found: &[u8]) -> Stands {
+        let words = self.begins.chunks(2).zip(found.chunks(2)).enumerate();
+        let is_its = |(word, (was, is)): (usize, (&[u8], &[u8]))| was == is || CHANGED.contains(&word);
+        if self.begins.len() != found.len() || !words.clone().all(is_its) {
+            return Stands::Other;
+        }
+        match found {
+            _ if found == self.begins => Stands::AsBefore,
+            _ if found == self.after() => Stands::Whole,
+            _ if found == with_checksum(found.to_vec()) => Stands::Other,
+            _ => Stands::Half,
+        }
+    }
+
+    /// What it begins with once it is written.
+    fn after(&self) -> Vec<u8> {
+        let mut after = self.begins.clone();
+        if let Some(place) = after.get_mut(2 * CHANGED[0]..2 * CHANGED[0] + 2) {
+            place.copy_from_slice(&self.alias.to_le_bytes());
+        }
+        with_checksum(after)
+    }
+}
+
+impl<C: Clock> Guide<'_, C> {
+    /// Writes it, with what was there kept before; whether it stands in the EEPROM.
+    pub(super) fn write_alias(
+        &mut self,
+        bus: &mut AnyBus<C>,
+        number: usize,
+        alias: u16,
+    ) -> Result<bool, SetupError> {
+        let position = self.record.drives[number].position;
+        let Some(after) = bus.sii_with_alias(position, alias).map_err(|error| in_words(&error))? else {
+            self.tell_found(format!(
+                "SubDevice {position}: the checksum of its EEPROM is wrong: only the whole can be written (`omnibase eeprom write`)"
+            ));
+            return Ok(false);
+        };
+        let before = bus.read_sii(position).map_err(|error| in_words(&error))?;
+        self.record.writing =
+            Some(AliasWrite { position, alias, begins: before.iter().copied().take(sii::HEADER).collect() });
+        // Without either nobody could make whole what breaks off.
+        let kept = (self.back_up)(position, &before).and_then(|()| (self.keep)(&self.record));
+        if let Err(error) = kept {
+            self.record.writing = None;
+            self.tell_found(format!(
+                "SubDevice {position}: its EEPROM couldn't be kept, so it isn't written: {error}"
+            ));
+            return Ok(false);
+        }
+        bus.write_sii(position, &before, &after).map_err(|error| SetupError::BrokenOff(error.to_string()))?;
+        self.alias_is_written(position, alias);
+        Ok(true)
+    }
+
+    fn alias_is_written(&mut self, position: u16, alias: u16) {
+        self.record.writing = None;
+        if let Some(drive) = self.record.drives.iter_mut().find(|drive| drive.position == position) {
+            drive.written_alias = Some(alias);
+        }
+        self.record.note(format!("SubDevice {position}: alias {alias} written into its EEPROM"));
+        self.kept();
+    }
+
+    /// Makes an EEPROM whole whose writing broke off, as somebody wishes; `false` where it is left.
+    pub(super) fn finish_alias(&mut self) -> Result<bool, SetupError> {
+        let Some(writing) = self.record.writing.clone() else { return Ok(true) };
+        let alias = writing.alias;
+        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
+        let mut bus = Bus::new(link, clock, BusOptions::default());
+        bus.scan().map_err(|error| in_words(&error))?;
+        let Some((position, stands, found)) = find(&mut bus, &writing) else {
+            self.record.writing = None;
+            self.tell_found(format!(
+                "the EEPROM into which alias {alias} was being written (SubDevice {} then) isn't on the bus, or was written by \
+                 others since: whoever is broken below has its backup beside the robot's file",
+                writing.position
+            ));
+            self.kept();
+            return Ok(true);
+        };
+        match stands {
+            Stands::Whole => self.alias_is_written(position, alias),
+            Stands::Half => {
+                let text = format!(
+                    "SubDevice {position}: alias {alias} was being written into its EEPROM when the set-up broke off, and half of it \
+                     stands there: write the rest, or what was there before?"
+                );
+                let choices = ["the rest", "as before"].map(str::to_owned);
+                let Ok(said) = self.choose(format!("finish {position}"), text, &choices) else {
+                    return Ok(false);
+                };
+                let is_rest = said == choices[0];
+                let wish = if is_rest { writing.after() } else { writing.begins.clone() };
+                bus.write_sii(position, &found, &wish)
+                    .map_err(|error| SetupError::BrokenOff(error.to_string()))?;
+                if is_rest {
+                    self.alias_is_written(position, alias);
+                }
+            }
+            Stands::AsBefore | Stands::Other => {}
+        }
+        if self.record.writing.take().is_some() {
+            self.record.note(format!("SubDevice {position}: its EEPROM is as before alias {alias}"));
+            self.kept();
+        }
+        self.is_loaded(&mut bus, position)
+    }
+
+    /// A chip that was switched on with half an EEPROM loads it at its next power-on alone; `false` where it is left.
+    fn is_loaded(&mut self, bus: &mut AnyBus<C>, position: u16) -> Result<bool, SetupError> {
+        bus.scan().map_err(|error| in_words(&error))?;
+        if bus.subdevice(position).is_ok_and(|one| one.broken.is_none()) {
+            return Ok(true);
+        }
+        Ok(self.are_switched_off_and_on())
+    }
+}
+
+/// Where the EEPROM is that was being written: half of it wherever it is plugged in by now, else what stands at its place.
+fn find<C: Clock>(bus: &mut AnyBus<C>, writing: &AliasWrite) -> Option<(u16, Stands, Vec<u8>)> {
+    let mut positions: Vec<u16> = bus.subdevices().iter().map(|one| one.position).collect();
+    positions.sort_by_key(|position| *position != writing.position);
+    let mut at_its_place = None;
+    for position in positions {
+        let Ok(found) = bus.read_sii_first(position, sii::HEADER) else { continue };
+        match writing.stands(&found) {
+            Stands::Half => return Some((position, Stands::Half, found)),
+            Stands::Other => {}
+            stands if position == writing.position => at_its_place = Some((position, stands, found)),
+            _ => {}
+        }
+    }
+    at_its_place
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::{Cell, RefCell};
+    use std::rc::Rc;
+
+    use omnibase_ethercat::wire::{HostTime, LinkError};
+    use omnibase_ethercat_sim::{Fault, SegmentFile, SimLink, VirtualClock, in_process};
+
+    use super::*;
+    use crate::{Answer, FoundDrive, Hand, Key, Outside, Question, Record, Wished};
+
+    const BASE: &str = include_str!("../../../../robots/bmm.toml");
+    const ALIAS: u16 = 77;
+
+    /// A segment that several buses have one after the other; a number of frames after which it is cut.
+    #[derive(Clone)]
+    struct Cable {
+        link: Rc<RefCell<SimLink>>,
+        left: Rc<Cell<Option<u32>>>,
+    }
+
+    impl Link for Cable {
+        fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+            match self.left.get() {
+                Some(0) => return Ok(()),
+                left => self.left.set(left.map(|left| left - 1)),
+            }
+            self.link.borrow_mut().send(frame)
+        }
+
+        fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+            self.link.borrow_mut().receive(buffer, deadline)
+        }
+    }
+
+    /// Says this to whoever asks how to go on, and switches off and on.
+    struct Person<'a> {
+        says: &'a str,
+        asked: Vec<String>,
+        told: Vec<String>,
+        power: &'a dyn Fn(),
+    }
+
+    impl Hand for Person<'_> {
+        fn ask(&mut self, question: &Question) -> Answer {
+            self.asked.push(question.id.clone());
+            if question.id == "power" {
+                (self.power)();
+                return Answer::Said("done".to_owned());
+            }
+            Answer::Said(self.says.to_owned())
+        }
+
+        fn tell(&mut self, text: &str) {
+            self.told.push(text.to_owned());
+        }
+
+        fn take_key(&mut self, _: &str) {}
+
+        fn key(&mut self) -> Key {
+            Key::Gone
+        }
+    }
+
+    /// The cable is cut behind every frame of a writing in turn, and the program is gone with all that it didn't keep: whoever takes
+    /// the set-up up again has the EEPROM whole, by another name or as it was, wherever it was switched off meanwhile.
+    #[test]
+    fn a_writing_that_broke_off_is_made_whole() {
+        let wholes = [("the rest", false), ("the rest", true), ("as before", false), ("as before", true)];
+        let mut halves = 0;
+        for (says, is_switched) in wholes {
+            for frames in 0.. {
+                let text = "[[subdevice]]\nkind = \"servo\"\ncount = 2\n";
+                let mut segment = SegmentFile::parse(text).unwrap().build(std::path::Path::new(".")).unwrap();
+                let injector = segment.injector();
+                let (link, clock) = in_process(segment);
+                let (link, left) = (Rc::new(RefCell::new(link)), Rc::new(Cell::new(None)));
+                let cable = Cable { link, left: Rc::clone(&left) };
+                let power = || {
+                    for fault in [Fault::PowerOff, Fault::PowerOn] {
+                        injector.inject(1, fault);
+                    }
+                };
+                let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+                    Ok((Box::new(cable.clone()), clock.clone()))
+                };
+                let mut person = Person { says, asked: Vec::new(), told: Vec::new(), power: &power };
+                let mut kept = Record::default().to_json();
+                let before = {
+                    let mut bus = Bus::new(cable.clone(), clock.clone(), BusOptions::default());
+                    bus.scan().unwrap();
+                    bus.read_sii(1).unwrap()
+                };
+                let written = {
+                    let record = Record {
+                        drives: vec![FoundDrive { position: 1, ..FoundDrive::default() }],
+                        ..Record::default()
+                    };
+                    let mut keep = |record: &Record| {
+                        kept = record.to_json();
+                        Ok(())
+                    };
+                    let mut back_up = |_: u16, bytes: &[u8]| {
+                        assert_eq!(bytes, before);
+                        left.set(Some(frames));
+                        Ok(())
+                    };
+                    let outside = Outside { hand: &mut person, keep: &mut keep, back_up: &mut back_up };
+                    let mut guide =
+                        Guide::new(Wished::new(BASE.to_owned()), record, &mut open, outside).unwrap();
+                    let mut bus = Bus::new(
+                        Box::new(cable.clone()) as Box<dyn Link>,
+                        clock.clone(),
+                        BusOptions::default(),
+                    );
+                    bus.scan().unwrap();
+                    guide.write_alias(&mut bus, 0, ALIAS)
+                };
+                let is_over = left.replace(None) != Some(0);
+                if is_over {
+                    assert!(written.unwrap());
+                    break;
+                }
+                if let Err(error) = written {
+                    let error = error.to_string();
+                    assert!(error.ends_with("The same set-up, taken up again, makes it whole"), "{error}");
+                }
+                if is_switched {
+                    power();
+                }
+                let record = Record::from_json(&kept).unwrap();
+                let mut keep = |record: &Record| {
+                    kept = record.to_json();
+                    Ok(())
+                };
+                let mut back_up = |_: u16, _: &[u8]| panic!("what was there before is kept already");
+                let outside = Outside { hand: &mut person, keep: &mut keep, back_up: &mut back_up };
+                let mut guide = Guide::new(Wished::new(BASE.to_owned()), record, &mut open, outside).unwrap();
+                // It goes on as ever: two drives are too few for three wheels.
+                let ended = guide.run();
+                assert!(matches!(ended, Err(SetupError::TooFewDrives { .. })), "{frames} {says}: {ended:?}");
+                let record = guide.record.clone();
+                drop(guide);
+                assert_eq!((record.writing, Record::from_json(&kept).unwrap().writing), (None, None));
+
+                let mut bus = Bus::new(cable.clone(), clock.clone(), BusOptions::default());
+                bus.scan().unwrap();
+                assert!(bus.subdevices().iter().all(|one| one.broken.is_none()), "{frames} {says}");
+                let was_half = person.asked.contains(&"finish 1".to_owned());
+                assert_eq!(person.asked.contains(&"power".to_owned()), was_half && is_switched);
+                let found = bus.read_sii(1).unwrap();
+                let is_named = u16::from_le_bytes([found[8], found[9]]) == ALIAS;
+                assert_eq!(record.drives[0].written_alias, is_named.then_some(ALIAS));
+                assert!(!was_half || is_named == (says == "the rest"), "{frames} {says}");
+                assert!(is_named || found == before);
+                halves += usize::from(was_half);
+            }
+        }
+        assert!(halves > 40, "{halves} halves");
+    }
+}
