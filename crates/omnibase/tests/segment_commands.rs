@@ -137,6 +137,10 @@ fn sdo_refusals_come_in_words_and_the_other_objects_all_the_same() {
     }
     let partly = omnibase(cases[0].0);
     assert_eq!(text(&partly.stdout), "1008:00 \"SGDV-OCA01A\"\n");
+    let partly = omnibase(&["sdo", "write", &target, "0", "6060:0", "8", "6041:0", "0", "--json"]);
+    assert_eq!(partly.status.code(), Some(1));
+    let written: Value = serde_json::from_slice(&partly.stdout).expect("what was written before it");
+    assert_eq!(written["objects"][0]["index"], 0x6060);
     assert_eq!(omnibase(&["sdo", "read", &target, "0", "xyz"]).status.code(), Some(2));
     assert_eq!(omnibase(&["sdo", "read", &target, "0"]).status.code(), Some(2));
 }

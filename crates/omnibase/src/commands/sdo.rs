@@ -220,16 +220,23 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
         }
     }
     let mut way = place.open()?;
-    let mut objects = Vec::new();
+    let (mut objects, mut refused) = (Vec::new(), None);
     for (object, text) in pairs {
-        let (data_type, data) = place.write(&mut way, object, text)?;
+        let (data_type, data) = match place.write(&mut way, object, text) {
+            Ok(written) => written,
+            // What was written before it is told all the same.
+            Err(error) => {
+                refused = Some(error);
+                break;
+            }
+        };
         if !place.json {
             writeln!(output, "{object} written: {}", data_type.to_words(&data))?;
         }
         objects.push(object_json(object, data_type, &data));
     }
     place.finish(output, objects)?;
-    Ok(Outcome::Done)
+    refused.map_or(Ok(Outcome::Done), Err)
 }
 
 impl SubDeviceObjects {
