@@ -1,5 +1,20 @@
 use super::*;
 
+/// The shortest way, beside these obstacles alone.
+fn shortest(from: Pose2, to: Pose2, obstacles: &[Obstacle]) -> WayRequest<'_> {
+    WayRequest {
+        from,
+        lead: &[],
+        to,
+        obstacles,
+        spread_m: 0.0,
+        fence_m: &[],
+        walls_m: &[],
+        best: BestWay::Shortest,
+        until: Until::default(),
+    }
+}
+
 #[test]
 fn maps_that_are_too_long_are_refused_with_what_was_expected_and_found() {
     let folder = tempfile::tempdir().unwrap();
@@ -37,17 +52,7 @@ fn who_stands_too_near_to_an_obstacle_leaves_it_straight_and_keeps_off_it_then()
     let from = Pose2 { x_m: -from.x_m, ..from };
     let begins_m = room.gap_m(&from, &obstacle);
     assert!((0.02..0.06).contains(&begins_m), "{begins_m} m");
-    let way = WayRequest {
-        from,
-        lead: &[],
-        to: Pose2::new(2.5, 0.1, 0.0),
-        obstacles: &[obstacle],
-        spread_m: 0.0,
-        fence_m: &[],
-        walls_m: &[],
-        best: BestWay::Shortest,
-        until: Until::default(),
-    };
+    let way = shortest(from, Pose2::new(2.5, 0.1, 0.0), std::slice::from_ref(&obstacle));
     let timed = room.timed(&way, &ability, &registry).unwrap();
     let (mut gap_m, mut is_out) = (begins_m, false);
     for step in 0..=(timed.duration_s / 0.01) as u32 {
@@ -76,17 +81,7 @@ fn through_a_door(width_m: f64) -> (Ability, TimedWay) {
     let plan = RobotPlan::from_toml(&format!("{bmm}\n{walls}"), &registry, &|_| Err(String::new()));
     let plan = plan.unwrap();
     let (room, ability) = (Room::of(&plan, Path::new("")).unwrap(), Ability::of(&plan));
-    let way = WayRequest {
-        from: Pose2::default(),
-        lead: &[],
-        to: Pose2::new(2.7, 1.0, 0.0),
-        obstacles: &[],
-        spread_m: 0.0,
-        fence_m: &[],
-        walls_m: &[],
-        best: BestWay::Shortest,
-        until: Until::default(),
-    };
+    let way = shortest(Pose2::default(), Pose2::new(2.7, 1.0, 0.0), &[]);
     let timed = room.timed(&way, &ability, &registry).unwrap();
     (ability, timed)
 }
