@@ -122,9 +122,17 @@ fn what_cannot_be_read_is_an_error_in_words_and_code_1() {
         (vec!["decode", "/no/such/file"], "error: reading `/no/such/file`: No such file or directory"),
         (vec!["decode", nonsense.path()], "not a capture: the file starts with 74 68 65 73"),
         (vec!["decode", "/dev/zero"], "not a capture: the file starts with 00 00 00 00"),
-        (vec!["check", "/dev/zero"], "`/dev/zero` has more than 67108864 bytes"),
-        (vec!["scan", "sim:/dev/zero"], "`/dev/zero` has more than 67108864 bytes"),
-        (vec!["sii", "/dev/zero"], "`/dev/zero` has more than 8388608 bytes"),
+        (vec!["check", "/dev/zero"], "reading `/dev/zero`: expected at most 268435456 bytes, found more"),
+        (
+            vec!["run", "../../robots/bmm.toml", "--path", "/dev/zero"],
+            "reference.points_file = \"/dev/zero\": expected at most 268435456 bytes, found more",
+        ),
+        (
+            vec!["run", "../../robots/bmm.toml", "--reference", "/dev/zero"],
+            "reading `/dev/zero`: expected at most 268435456 bytes, found more",
+        ),
+        (vec!["scan", "sim:/dev/zero"], "reading `/dev/zero`: expected at most 268435456 bytes, found more"),
+        (vec!["sii", "/dev/zero"], "reading `/dev/zero`: expected at most 8388608 bytes, found more"),
         (vec!["esi", modules.path(), "--device", "MU-IO"], "the file has no devices; modules go into"),
         (
             vec!["foe", "read", "sim:../../segments/three-servos.toml", "0", "new.bin", "--name", ""],

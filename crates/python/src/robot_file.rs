@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use omnibase_robot::config::{ReferenceTable, Source};
 use omnibase_robot::{Problem, Registry, RobotPlan};
-use omnibase_run::RobotText;
 use omnibase_run::stepped::Leader;
+use omnibase_run::{RobotText, small_file};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Map, Value};
@@ -57,7 +57,7 @@ impl Wanted {
     /// Reads and checks: the plan and who leads, or every problem at once.
     pub fn load(&self, registry: &Registry) -> Result<(RobotPlan, Leader), Failure> {
         let name = self.robot.display();
-        let text = std::fs::read_to_string(&self.robot)
+        let text = small_file::text(&self.robot)
             .map_err(|error| Failure::of(format_args!("reading `{name}`: {error}")))?;
         let folder = self.robot.parent().unwrap_or(Path::new("")).to_owned();
         let changes = self.settings.iter().map(|(key, value)| line(key, value)).collect::<Result<_, _>>()?;

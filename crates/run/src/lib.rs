@@ -3,6 +3,7 @@
 //! In the order in which a run goes:
 //!
 //! - [`robot_text`]: the robot's file with what the command line changes in it, as a plan; kept whole for replay.
+//! - [`small_file`]: files whose size has an end.
 //! - [`simulated`]: the simulated robot of a plan.
 //! - [`drive_errors`]: which error each drive has.
 //! - [`conductor`]: what is asked of the robot when: enable, track, hold, stop.
@@ -34,6 +35,7 @@ pub mod robot_text;
 pub mod room;
 pub mod run;
 pub mod simulated;
+pub mod small_file;
 pub mod stepped;
 pub mod teach;
 pub mod view;

@@ -9,7 +9,7 @@ use omnibase_robot::config::{Locations, ProblemKind, ReferenceTable, RobotFile, 
 use omnibase_robot::{Problem, Registry, RobotPlan};
 use serde_json::Value;
 
-use crate::channels;
+use crate::{channels, small_file};
 
 /// Key of the robot's file, as it was in effect, in the description of a recording.
 pub const ROBOT_KEY: &str = "robot.toml";
@@ -56,7 +56,7 @@ impl RobotText {
         let memory = source.file.grip.memory.clone();
         let read = RefCell::new(BTreeMap::new());
         let read_file = |name: &str| {
-            let text = match std::fs::read_to_string(self.folder.join(name)) {
+            let text = match small_file::text(&self.folder.join(name)) {
                 // Before its first run a robot remembers nothing.
                 Err(error) if error.kind() == ErrorKind::NotFound && memory.as_deref() == Some(name) => {
                     String::new()

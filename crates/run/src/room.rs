@@ -1,6 +1,5 @@
 //! The room of a robot's file, and ways through it.
 
-use std::io::Read;
 use std::path::Path;
 
 use omnibase_plan::map::Unknown;
@@ -14,6 +13,8 @@ use omnibase_robot::guard::Obstacle;
 use omnibase_robot::limiter::Limiter;
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Ability, Registry, RobotPlan};
+
+use crate::small_file;
 
 /// The side of a cell where no map says it, m.
 const CELL_M: f64 = 0.05;
@@ -132,7 +133,7 @@ pub enum RoomError {
 pub fn read_map(path: &Path, unknown: UnknownCells) -> Result<Map, RoomError> {
     let name = path.display().to_string();
     let wrong = |why: String| RoomError::File { name: name.clone(), why };
-    let bytes = read_up_to(path, LONGEST_YAML).map_err(&wrong)?;
+    let bytes = small_file::read(path, LONGEST_YAML).map_err(|error| wrong(error.to_string()))?;
     let yaml = String::from_utf8(bytes)
         .map_err(|error| wrong(format!("byte {}: expected UTF-8", error.utf8_error().valid_up_to())))?;
     let unknown = match unknown {
@@ -140,17 +141,9 @@ pub fn read_map(path: &Path, unknown: UnknownCells) -> Result<Map, RoomError> {
         UnknownCells::Free => Unknown::Free,
     };
     let folder = path.parent().unwrap_or(Path::new(""));
-    let image = |image: &str| read_up_to(&folder.join(image), LONGEST_IMAGE);
+    let image =
+        |image: &str| small_file::read(&folder.join(image), LONGEST_IMAGE).map_err(|error| error.to_string());
     Map::read(&yaml, unknown, image).map_err(|error| wrong(error.to_string()))
-}
-
-/// A file's bytes; one that is longer is refused before it is all in memory.
-fn read_up_to(path: &Path, most: u64) -> Result<Vec<u8>, String> {
-    let file = std::fs::File::open(path).map_err(|error| error.to_string())?;
-    let mut bytes = Vec::new();
-    file.take(most + 1).read_to_end(&mut bytes).map_err(|error| error.to_string())?;
-    let is_too_long = bytes.len() as u64 > most;
-    if is_too_long { Err(format!("expected at most {most} bytes, found more")) } else { Ok(bytes) }
 }
 
 impl Room {

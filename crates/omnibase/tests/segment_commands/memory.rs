@@ -113,7 +113,7 @@ fn an_image_that_does_not_fit_is_refused_before_it_is_begun() {
     let endless = omnibase(&["eeprom", "write", &target, "2", "/dev/zero"]);
     let words = text(&endless.stderr);
     assert_eq!(endless.status.code(), Some(1), "{words}");
-    assert!(words.contains("`/dev/zero` has more than 8388608 bytes"), "{words}");
+    assert!(words.contains("reading `/dev/zero`: expected at most 8388608 bytes"), "{words}");
 }
 
 /// An EEPROM that says nothing true of its size, and begins anew behind its end: what is written there would fall on its beginning.

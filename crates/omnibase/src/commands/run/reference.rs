@@ -1,7 +1,7 @@
 //! The motion that the command line asks for: a file, or one of the registered kinds.
 
-use crate::WrongUsage;
 use crate::robot_file::parse_change;
+use crate::{WrongUsage, small_file};
 use anyhow::{Context, bail};
 use clap::builder::PossibleValuesParser;
 use clap::{Arg, ArgGroup, ArgMatches, Command};
@@ -113,7 +113,7 @@ impl ReferenceChoice {
         };
         let mut chosen = match option.as_str() {
             "reference" => {
-                let text = std::fs::read_to_string(value).with_context(|| format!("reading `{value}`"))?;
+                let text = small_file::text(Path::new(value))?;
                 read_reference(&text, value, Path::new(value).parent().unwrap_or(Path::new("")))
             }
             "path" => {
