@@ -1,12 +1,15 @@
 //! The same robots through all of it: bring-up, frames, chips, firmware, and the run of the command line.
 
+use std::path::Path;
 use std::sync::atomic::AtomicBool;
 
 use omnibase_ethercat_sim::in_process;
+use omnibase_record::run::{OnFull, RunFiles, RunRecorded, RunRecorder, RunSink};
 use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
+use omnibase_run::channels::{Known, Rows};
 use omnibase_run::simulated::Script;
-use omnibase_run::{Progress, Ran, RobotText, RunError, Setup, run, simulated};
+use omnibase_run::{LoadedRobot, Progress, Ran, RobotText, RunError, Setup, run, simulated};
 
 use crate::laws::is_of_torque;
 use crate::robots;
@@ -170,9 +173,31 @@ pub fn track_and_look(text: &str) -> Tracked {
 /// # Panics
 /// Where the robot can't be made.
 pub fn bring_up(text: &str) -> Result<Tracked, RunError> {
+    run_of(&loaded(text), None)
+}
+
+/// Runs a robot's file once and records it, as `omnibase run --record` does.
+///
+/// # Panics
+/// Where the robot can't be made or brought up, or the file can't be made.
+pub fn record(text: &str, file: &Path) -> (Ran, RunRecorded) {
+    let robot = loaded(text);
+    let rows = Rows::new(&robot.plan.record_layout(), Known::Truth);
+    let description = omnibase_run::describe::description(&robot);
+    let files = RunFiles { mcap: Some(file.to_owned()), description, ..RunFiles::default() };
+    let started = RunRecorder::start(&files, rows.schema(), OnFull::Wait);
+    let (recorder, sink) = started.unwrap_or_else(|error| panic!("{error}"));
+    let tracked = run_of(&robot, Some((rows, sink))).unwrap_or_else(|error| panic!("{error}"));
+    (tracked.ran, recorder.finish())
+}
+
+fn loaded(text: &str) -> LoadedRobot {
+    let robot = RobotText { text: text.to_owned(), ..RobotText::default() }.load(&Registry::with_built_in());
+    robot.unwrap_or_else(|problems| panic!("{problems:#?}"))
+}
+
+fn run_of(robot: &LoadedRobot, recording: Option<(Rows, RunSink)>) -> Result<Tracked, RunError> {
     let registry = Registry::with_built_in();
-    let robot = RobotText { text: text.to_owned(), ..RobotText::default() }.load(&registry);
-    let robot = robot.unwrap_or_else(|problems| panic!("{problems:#?}"));
     let (mut segment, machine) = simulated::segment(&robot.plan).unwrap_or_else(|error| panic!("{error}"));
     let script = Script::new(&robot.plan, &mut segment, &machine);
     let (link, clock) = in_process(segment);
@@ -181,7 +206,7 @@ pub fn bring_up(text: &str) -> Result<Tracked, RunError> {
         robot: Robot::build(&robot.plan, &registry).unwrap_or_else(|error| panic!("{error}")),
         machine: Some(machine.clone()),
         script,
-        recording: None,
+        recording,
         live: None,
         stop: &AtomicBool::new(false),
         progress: &Progress::default(),
