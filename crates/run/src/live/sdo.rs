@@ -263,6 +263,16 @@ impl AcyclicLine {
         work: AcyclicWork,
         permission: Permission,
     ) -> Result<AcyclicWork, SdoError> {
+        self.wait_until(position, work, permission, Instant::now() + ANSWER)
+    }
+
+    pub(super) fn wait_until(
+        &self,
+        position: u16,
+        work: AcyclicWork,
+        permission: Permission,
+        until: Instant,
+    ) -> Result<AcyclicWork, SdoError> {
         let count = self.subdevices().len();
         if count == 0 {
             return Err(SdoError::new("the robot's bus is not set up yet".to_owned()));
@@ -270,7 +280,6 @@ impl AcyclicLine {
         if usize::from(position) >= count {
             return Err(SdoError::new(format!("there is no SubDevice {position}: the robot has {count}")));
         }
-        let until = Instant::now() + ANSWER;
         let (mut unasked, mut ticket) = (Some(work), None);
         while Instant::now() < until {
             if let Some(work) = unasked.take() {
