@@ -374,9 +374,6 @@ mod tests {
             let others = (0..MOST).map(|_| line.ask(0, write(), Permission::Always, later).unwrap());
             let others: Vec<u64> = others.collect();
             assert_eq!(line.ask(0, write(), Permission::Always, later), Err(write()));
-            let others = (0..MOST).map(|_| line.ask(0, write(), Permission::Always, later).unwrap());
-            let others: Vec<u64> = others.collect();
-            assert_eq!(line.ask(0, write(), Permission::Always, later), Err(write()));
             let asking = line.clone();
             let asking = std::thread::spawn(move || asking.wait_until(0, write(), Permission::Always, later));
             std::thread::sleep(Duration::from_millis(50));
