@@ -55,7 +55,7 @@ impl BusCall {
     pub(crate) fn answer(self, line: &AcyclicLine, plan: &RobotPlan) -> CallResult {
         match self.try_answer(line, plan) {
             Ok((text, data)) => CallResult { data: Some(data), ..CallResult::done(text) },
-            Err(error) => CallResult::refused(error),
+            Err(error) => not_answered(&error),
         }
     }
 
@@ -104,6 +104,12 @@ impl BusCall {
             }
         })
     }
+}
+
+/// Programs are told where the SubDevice itself refused: any other error says nothing of the object.
+fn not_answered(error: &SdoError) -> CallResult {
+    let data = error.is_refusal().then(|| json!({ "refused_by_subdevice": true }));
+    CallResult { data, ..CallResult::refused(error) }
 }
 
 fn one_line(one: &SubDeviceSeen) -> String {
@@ -162,6 +168,14 @@ fn encoded(number: i128, bits: u16) -> Option<Vec<u8>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn whoever_asks_is_told_whose_no_it_is() {
+        let own = not_answered(&SdoError::refusal("6041:00 aborted".to_owned()));
+        assert_eq!((own.done, own.text.as_str()), (false, "refused: 6041:00 aborted"));
+        assert_eq!(own.data, Some(json!({ "refused_by_subdevice": true })));
+        assert_eq!(not_answered(&SdoError::new("SubDevice 1 is away".to_owned())).data, None);
+    }
 
     #[test]
     fn values_become_bytes_of_the_length_that_the_subdevice_says() {

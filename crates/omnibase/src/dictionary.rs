@@ -4,7 +4,7 @@ use crate::progress;
 use crate::target::AnyBus;
 use crate::value::DataType;
 use omnibase_ethercat::SetUpError;
-use omnibase_ethercat::mailbox::{EntryDescription, MailboxError};
+use omnibase_ethercat::mailbox::EntryDescription;
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat_wire::coe::ObjectAddress;
 use omnibase_run::live::{EntryType, ObjectType, entry_unit};
@@ -250,16 +250,7 @@ pub fn data_type(
 /// The words of a SubDevice's own refusal; anything else is an error of the whole.
 fn refusal(error: SetUpError) -> Result<String, SetUpError> {
     match error {
-        SetUpError::Request {
-            cause:
-                cause @ (MailboxError::Aborted { .. }
-                | MailboxError::InfoRefused { .. }
-                | MailboxError::Refused { .. }
-                | MailboxError::TooLong { .. }
-                | MailboxError::Malformed { .. }
-                | MailboxError::SizeMismatch { .. }),
-            ..
-        } => Ok(cause.to_string()),
+        SetUpError::Request { cause, .. } if cause.is_refusal() => Ok(cause.to_string()),
         error => Err(error),
     }
 }

@@ -122,12 +122,13 @@ impl DataType {
                 json!((number(bytes) << unused) as i64 >> unused)
             }
             DataType::Unsigned(length) if bytes.len() == usize::from(length) => json!(number(bytes)),
-            DataType::Real32 if bytes.len() == 4 => json!(f32::from_bits(number(bytes) as u32)),
-            DataType::Real64 if bytes.len() == 8 => json!(f64::from_bits(number(bytes))),
-            DataType::Text => {
-                let text = String::from_utf8_lossy(bytes);
-                json!(text.trim_end_matches('\0'))
-            }
+            // Through its digits: 0.1 is no 0.10000000149011612.
+            DataType::Real32 if bytes.len() == 4 => real(f32::from_bits(number(bytes) as u32).to_string()),
+            DataType::Real64 if bytes.len() == 8 => real(f64::from_bits(number(bytes)).to_string()),
+            DataType::Text => match std::str::from_utf8(bytes) {
+                Ok(text) => json!(text.trim_end_matches('\0')),
+                Err(_) => json!(hex::compact(bytes)),
+            },
             _ => json!(hex::compact(bytes)),
         }
     }
@@ -139,7 +140,11 @@ impl DataType {
                 let digits = 2 * usize::from(length);
                 format!("{number} (0x{:0digits$x})", number.as_u64().unwrap_or_default())
             }
-            (DataType::Text, Value::String(text)) => format!("{text:?}"),
+            (DataType::Text, Value::String(text)) if std::str::from_utf8(bytes).is_ok() => {
+                format!("{text:?}")
+            }
+            (DataType::Real32, Value::String(text)) if bytes.len() == 4 => text,
+            (DataType::Real64, Value::String(text)) if bytes.len() == 8 => text,
             (_, Value::String(_)) => hex::spaced(bytes, usize::MAX),
             (_, value) => value.to_string(),
         }
@@ -189,6 +194,14 @@ impl DataType {
                     .collect()
             }
         }
+    }
+}
+
+/// A number by its digits; `NaN`, `inf` and `-inf`, which JSON has no numbers for, as text.
+fn real(digits: String) -> Value {
+    match digits.parse::<f64>() {
+        Ok(number) if number.is_finite() => json!(number),
+        _ => json!(digits),
     }
 }
 
@@ -250,12 +263,27 @@ mod tests {
         assert!("u65".parse::<DataType>().is_err());
     }
 
+    /// No number isn't told as none that can be read, and a short one isn't made longer.
+    #[test]
+    fn real_numbers_are_what_they_are() {
+        let shown = |bytes: &[u8]| (DataType::Real32.to_json(bytes), DataType::Real32.to_words(bytes));
+        assert_eq!(shown(&0.1f32.to_le_bytes()), (json!(0.1), "0.1".to_owned()));
+        for (number, words) in [(f32::NAN, "NaN"), (f32::INFINITY, "inf"), (f32::NEG_INFINITY, "-inf")] {
+            assert_eq!(shown(&number.to_le_bytes()), (json!(words), words.to_owned()));
+        }
+        assert_eq!(DataType::Real64.to_json(&f64::MAX.to_le_bytes()), json!(f64::MAX));
+        assert_eq!(DataType::Real64.to_words(&f64::NAN.to_le_bytes()), "NaN");
+    }
+
     #[test]
     fn bytes_that_do_not_fit_their_type_are_shown_as_bytes() {
         assert_eq!(DataType::Unsigned(2).to_json(&[1]), json!("01"));
         assert_eq!(DataType::Unsigned(2).to_words(&[1]), "01");
         assert_eq!(DataType::Unsigned(2).to_words(&[1, 0]), "1 (0x0001)");
         assert_eq!(DataType::Text.to_words(b"AB\0\0"), "\"AB\"");
+        assert_eq!(DataType::Text.to_json(b"G\xf6"), json!("47f6"));
+        assert_eq!(DataType::Text.to_words(b"G\xf6"), "47 f6");
+        assert_eq!(DataType::Real32.to_words(&[0]), "00");
         assert_eq!(DataType::from_coe(0x0007), DataType::Unsigned(4));
         assert_eq!(DataType::from_coe(0x4711), DataType::Bytes);
     }

@@ -5,7 +5,7 @@ const TYPES = {
   1: ["bool", number(false)], 2: ["i8", number(true)], 3: ["i16", number(true)], 4: ["i32", number(true)], 0x15: ["i64", number(true)],
   5: ["u8", number(false)], 6: ["u16", number(false)], 7: ["u32", number(false)], 0x1b: ["u64", number(false)],
   8: ["f32", (bytes) => new DataView(bytes.buffer).getFloat32(0, true)],
-  9: ["string", (bytes) => JSON.stringify(new TextDecoder().decode(bytes).replace(/\0+$/, ""))],
+  9: ["string", text],
 };
 /** Questions of this page that are under way: a SubDevice answers one after the other, and none of them waits for this page. */
 const AT_ONCE = 3;
@@ -16,6 +16,15 @@ function number(isSigned) {
     const whole = bytes.reduceRight((sum, byte) => (sum << 8n) | BigInt(byte), 0n);
     return String(isSigned ? BigInt.asIntN(8 * bytes.length, whole) : whole);
   };
+}
+
+/** Nothing where the bytes are no UTF-8: they are shown as they are then. */
+function text(bytes) {
+  try {
+    return JSON.stringify(new TextDecoder("utf-8", { fatal: true }).decode(bytes).replace(/\0+$/, ""));
+  } catch {
+    return null;
+  }
 }
 
 /** The states in which something is allowed, where these aren't all. */
@@ -93,8 +102,9 @@ export class Objects {
 
   /** An entry in words; nothing where the object has a hole. */
   async entry(subdevice, object) {
-    const { done, data } = await this.ask({ do: "sdo_type", subdevice, object });
-    if (!done) return null;
+    const { done, text, data } = await this.ask({ do: "sdo_type", subdevice, object });
+    // A hole is what the SubDevice itself refuses.
+    if (!done) return data?.refused_by_subdevice ? null : `${object} ${text}`;
     const { name, data_type, bit_length, access, unit } = data;
     const [type, words] = TYPES[data_type] ?? [`${bit_length} bits`, null];
     const rights = (access & READABLE ? "r" : "-") + (access & WRITABLE ? "w" : "-");
@@ -105,6 +115,7 @@ export class Objects {
     if (!read.done) return `${head} = ${read.text}`;
     const bytes = Uint8Array.from(read.data.data.match(/../g) ?? [], (two) => parseInt(two, 16));
     const fits = words && bytes.length && bytes.length === (type === "string" ? bytes.length : Math.ceil(bit_length / 8));
-    return `${head} = ${fits ? words(bytes) : read.data.data}${fits && unit ? ` ${unit}` : ""}`;
+    const value = fits ? words(bytes) : null;
+    return `${head} = ${value ?? read.data.data}${fits && unit ? ` ${unit}` : ""}`;
   }
 }

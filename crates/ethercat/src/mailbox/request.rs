@@ -328,6 +328,21 @@ pub enum MailboxError {
     Reset,
 }
 
+impl MailboxError {
+    /// Whether the SubDevice itself answered no, or what can't be taken; any other error says nothing of what was asked.
+    pub fn is_refusal(&self) -> bool {
+        matches!(
+            self,
+            MailboxError::Aborted { .. }
+                | MailboxError::InfoRefused { .. }
+                | MailboxError::Refused { .. }
+                | MailboxError::TooLong { .. }
+                | MailboxError::Malformed { .. }
+                | MailboxError::SizeMismatch { .. }
+        )
+    }
+}
+
 /// A device's own words, where it has any.
 struct Quoted<'a>(&'a ShortText);
 

@@ -10,7 +10,6 @@ use serde::de::DeserializeOwned;
 use serde_json::{Value, json};
 use std::io::Write;
 use std::net::SocketAddr;
-use std::time::{Duration, Instant};
 
 /// Prints the SubDevices of a running robot.
 pub fn scan(address: Option<SocketAddr>, as_json: bool, output: &mut dyn Write) -> anyhow::Result<()> {
@@ -49,8 +48,12 @@ pub struct Remote {
     position: u16,
 }
 
-/// An error after so long is no SubDevice's own refusal.
-const SILENCE: Duration = Duration::from_secs(1);
+/// The bytes of a value that was read.
+fn bytes_of(found: &Value) -> anyhow::Result<Vec<u8>> {
+    let text = found["data"].as_str().unwrap_or_default();
+    // An object without a value has no bytes.
+    if text.is_empty() { Ok(Vec::new()) } else { Ok(DataType::Bytes.parse(text)?) }
+}
 
 impl Objects for Remote {
     fn list(&mut self) -> anyhow::Result<Vec<u16>> {
@@ -67,7 +70,8 @@ impl Objects for Remote {
     }
 
     fn value(&mut self, address: ObjectAddress) -> anyhow::Result<Result<Vec<u8>, String>> {
-        self.answered(|one| one.read(address))
+        let found = self.line.of_object(&self.call("sdo_read", address))?;
+        found.map_or_else(|refusal| Ok(Err(refusal)), |found| bytes_of(&found).map(Ok))
     }
 }
 
@@ -79,10 +83,7 @@ impl Remote {
 
     /// The bytes of an object.
     pub fn read(&self, object: ObjectAddress) -> anyhow::Result<Vec<u8>> {
-        let found = self.line.data(&self.call("sdo_read", object))?;
-        let text = found["data"].as_str().unwrap_or_default();
-        // An object without a value has no bytes.
-        if text.is_empty() { Ok(Vec::new()) } else { Ok(DataType::Bytes.parse(text)?) }
+        bytes_of(&self.line.data(&self.call("sdo_read", object))?)
     }
 
     /// The type of an entry as the SubDevice describes it; `None` where it doesn't.
@@ -99,23 +100,13 @@ impl Remote {
         self.line.data(&call).map(drop)
     }
 
-    /// What the robot answers to one question about a dictionary: a refusal comes at once and is the object's own, silence takes
-    /// its time and ends it all.
-    fn answered<T>(&self, ask: impl FnOnce(&Self) -> anyhow::Result<T>) -> anyhow::Result<Result<T, String>> {
-        let asked = Instant::now();
-        match ask(self) {
-            Ok(found) => Ok(Ok(found)),
-            Err(error) if asked.elapsed() < SILENCE => Ok(Err(format!("{error:#}"))),
-            Err(error) => Err(error),
-        }
-    }
-
     fn described<T: DeserializeOwned>(
         &self,
         what: &str,
         address: ObjectAddress,
     ) -> anyhow::Result<Result<T, String>> {
-        self.answered(|one| Ok(serde_json::from_value(one.line.data(&one.call(what, address))?)?))
+        let found = self.line.of_object(&self.call(what, address))?;
+        found.map(serde_json::from_value).map_or_else(|refusal| Ok(Err(refusal)), |read| Ok(Ok(read?)))
     }
 
     fn call(&self, what: &str, object: ObjectAddress) -> Value {

@@ -198,6 +198,11 @@ impl Line {
         Ok(said["data"].take())
     }
 
+    /// The same of a question about a SubDevice's object; the inner error is the SubDevice's own refusal, in words.
+    pub fn of_object(&self, call: &Value) -> anyhow::Result<Result<Value, String>> {
+        of_object(self.ask(call)?)
+    }
+
     fn ask(&self, call: &Value) -> anyhow::Result<Value> {
         let mut call = call.clone();
         // What begins something counts from here, and the robot refuses what took too long on its way. A stop waits
@@ -216,6 +221,13 @@ impl Line {
     fn nobody(&self) -> String {
         format!("no robot answers at {}", self.robot.place)
     }
+}
+
+fn of_object(mut said: Value) -> anyhow::Result<Result<Value, String>> {
+    let text = said["text"].as_str().unwrap_or("no answer").to_owned();
+    let is_refusal = said["data"]["refused_by_subdevice"] == true;
+    anyhow::ensure!(said["done"] == true || is_refusal, "{text}");
+    Ok(if is_refusal { Err(text) } else { Ok(said["data"].take()) })
 }
 
 /// Asks for something and prints what came of it.
@@ -301,6 +313,17 @@ pub fn top(arguments: &Top, output: &mut dyn Write) -> anyhow::Result<Outcome> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_subdevice_that_is_lost_refuses_nothing() {
+        let found = of_object(json!({ "done": true, "text": "", "data": { "data": "01" } })).unwrap();
+        assert_eq!(found, Ok(json!({ "data": "01" })));
+        let refused =
+            json!({ "done": false, "text": "no such object", "data": { "refused_by_subdevice": true } });
+        assert_eq!(of_object(refused).unwrap(), Err("no such object".to_owned()));
+        let lost = of_object(json!({ "done": false, "text": "SubDevice 1 is away" }));
+        assert_eq!(lost.unwrap_err().to_string(), "SubDevice 1 is away");
+    }
 
     #[test]
     fn arguments_are_json_or_text() {

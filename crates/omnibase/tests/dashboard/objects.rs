@@ -50,4 +50,18 @@ fn objects_are_browsed_with_names_types_and_values() {
         page.value(CHOOSE);
         page.is_true_within(&format!("{name}?.textContent.length > 5 && !{name}.open"), HIT)
     });
+    // A hole is what the SubDevice itself refuses; whatever else went wrong is said.
+    let entry = |data: &str| {
+        format!(
+            "import('./objects.js').then(({{ Objects }}) => Objects.prototype.entry.call({{ ask: async () => \
+             ({{ done: false, text: 'SubDevice 1 is away', data: {data} }}) }}, 1, '1018:01'))"
+        )
+    };
+    assert_eq!(page.value(&entry("undefined")), "1018:01 SubDevice 1 is away");
+    assert!(page.value(&entry("{ refused_by_subdevice: true }")).is_null());
+    // Text that isn't UTF-8 is shown as its bytes.
+    let text = "import('./objects.js').then(({ Objects }) => Objects.prototype.entry.call({ ask: async ({ do: what }) => \
+                ({ done: true, data: what === 'sdo_type' ? { name: 'n', data_type: 9, bit_length: 16, access: 7 } : { data: '47f6' } }) }, \
+                1, '1008:00'))";
+    assert_eq!(page.value(text), "1008:00 r- n string = 47f6");
 }

@@ -1,18 +1,19 @@
 //! SDOs and registers of SubDevices beside a running cycle: what others ask, and what the bus said.
 //!
 //! One at a time goes through the mailbox in the cycle's spare datagrams. Buffers are the asker's own: the cycle neither
-//! takes memory for them nor gives any back. Nothing waits for a SubDevice that is away: it is refused at once, so that
-//! nothing asked of the machine as it was happens to it later.
+//! takes memory for them nor gives any back. Nothing waits for a SubDevice that is away: it is refused at once, as is what waited
+//! so long behind others that whoever asked is gone: nothing asked of the machine as it was happens to it later.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, Mutex, MutexGuard, OnceLock};
+use std::time::Instant;
 
 use omnibase_ethercat::cyclic::{AcyclicError, AcyclicRequest, AcyclicWork};
 use omnibase_ethercat::mailbox::{MailboxRequest, Operation};
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_robot::signals::Phase;
-use rtrb::{Consumer, Producer, RingBuffer};
+use rtrb::{Consumer, Producer, PushError, RingBuffer};
 
 use omnibase_session::Words;
 use omnibase_session::session::Session;
@@ -45,9 +46,19 @@ pub enum AcyclicRefusal {
     /// Too much is asked beside the cycle.
     #[error("too much was asked at once")]
     Full,
+    /// Its turn came when nobody waited for it any more.
+    #[error("it waited too long behind other questions: nothing was done")]
+    TooLate,
     /// The bus's own error.
     #[error(transparent)]
     Failed(#[from] AcyclicError),
+}
+
+impl AcyclicRefusal {
+    /// Whether the SubDevice itself said no.
+    pub(super) fn is_its_own(&self) -> bool {
+        matches!(self, AcyclicRefusal::Failed(AcyclicError::Mailbox(error)) if error.is_refusal())
+    }
 }
 
 /// What the bus said.
@@ -65,6 +76,8 @@ struct Asked {
     position: u16,
     work: AcyclicWork,
     permission: Permission,
+    /// From then on nobody waits for it.
+    until: Instant,
 }
 
 /// What is known of a SubDevice since the start.
@@ -157,13 +170,20 @@ impl AcyclicLine {
         self.facts.get().map_or(&[], Vec::as_slice)
     }
 
-    /// Asks; the ticket by which [`AcyclicLine::told`] finds what came of it, `None` where too much is asked.
-    pub fn ask(&self, position: u16, work: AcyclicWork, permission: Permission) -> Option<u64> {
+    /// Asks what nobody waits for any more from `until` on: it isn't done then. The ticket by which [`AcyclicLine::told`] finds what
+    /// came of it; the work itself where too much is asked.
+    pub fn ask(
+        &self,
+        position: u16,
+        work: AcyclicWork,
+        permission: Permission,
+        until: Instant,
+    ) -> Result<u64, AcyclicWork> {
         let mut asker = self.asker();
         let ticket = asker.next_ticket;
         asker.next_ticket = ticket.wrapping_add(1) & !OTHERS;
-        asker.to_cycle.push(Asked { ticket, position, work, permission }).ok()?;
-        Some(ticket)
+        let pushed = asker.to_cycle.push(Asked { ticket, position, work, permission, until });
+        pushed.map(|()| ticket).map_err(|PushError::Full(asked)| asked.work)
     }
 
     /// What came of a question, once.
@@ -271,17 +291,11 @@ impl AcyclicEnd {
         if self.under_way.is_some() || self.back.slots() == 0 {
             return written;
         }
-        let Ok(Asked { ticket, position, work, permission }) = self.inbox.pop() else { return written };
-        let is_disabled = matches!(phase, Phase::Disabled | Phase::Fault);
-        let refusal = match permission {
-            Permission::WhileDisabled if !is_disabled => Some(AcyclicRefusal::Enabled),
-            _ if session.is_away(position) => Some(AcyclicRefusal::Away(position)),
-            _ => None,
-        };
-        if let Some(refusal) = refusal {
-            self.tell(Told { ticket, work, result: Err(refusal) });
+        let now = Instant::now();
+        let Some(asked) = self.taken(phase, |position| session.is_away(position), now) else {
             return written;
-        }
+        };
+        let Asked { ticket, position, work, permission, .. } = asked;
         match session.submit_acyclic(AcyclicRequest { tag: ticket | OTHERS, position, work }) {
             Ok(()) => self.under_way = Some((ticket, permission)),
             Err(AcyclicRequest { work, .. }) => {
@@ -291,10 +305,91 @@ impl AcyclicEnd {
         written
     }
 
+    /// The next question, where it may be passed on; whoever asked is told why where it mayn't.
+    fn taken(&mut self, phase: Phase, is_away: impl Fn(u16) -> bool, now: Instant) -> Option<Asked> {
+        let asked = self.inbox.pop().ok()?;
+        let is_disabled = matches!(phase, Phase::Disabled | Phase::Fault);
+        let refusal = match asked.permission {
+            _ if now >= asked.until => AcyclicRefusal::TooLate,
+            Permission::WhileDisabled if !is_disabled => AcyclicRefusal::Enabled,
+            _ if is_away(asked.position) => AcyclicRefusal::Away(asked.position),
+            _ => return Some(asked),
+        };
+        self.tell(Told { ticket: asked.ticket, work: asked.work, result: Err(refusal) });
+        None
+    }
+
     fn tell(&mut self, told: Told) {
-        if let Err(rtrb::PushError::Full(told)) = self.back.push(told) {
+        if let Err(PushError::Full(told)) = self.back.push(told) {
             // Never: there was room before it began. Its memory is kept, for the cycle frees none.
             std::mem::forget(told);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use omnibase_ethercat::mailbox::MailboxError;
+    use omnibase_ethercat::wire::coe::{AbortCode, ObjectAddress};
+
+    use super::*;
+
+    const OBJECT: ObjectAddress = ObjectAddress::new(0x6083, 0);
+
+    fn write() -> AcyclicWork {
+        AcyclicWork::Mailbox(MailboxRequest::download(OBJECT, vec![1]))
+    }
+
+    /// A writing whose asker was told that no answer came isn't done seconds later.
+    #[test]
+    fn what_nobody_waits_for_any_more_is_not_done() {
+        let (line, mut end) = acyclic();
+        let now = Instant::now();
+        let until = now + Duration::from_secs(3);
+        let ticket = line.ask(0, write(), Permission::WhileDisabled, until).unwrap();
+        assert!(end.taken(Phase::Disabled, |_| false, until).is_none());
+        assert_eq!(line.told(ticket).unwrap().result, Err(AcyclicRefusal::TooLate));
+        line.ask(0, write(), Permission::WhileDisabled, until).unwrap();
+        assert!(end.taken(Phase::Disabled, |_| false, now).is_some());
+    }
+
+    /// Whoever asks beside many others waits for room; a refusal is the SubDevice's own where that said it.
+    #[test]
+    fn many_who_ask_are_all_heard_and_told_whose_no_it_is() {
+        let (line, mut end) = acyclic();
+        let identity = omnibase_ethercat::wire::sii::Identity::default();
+        let (drive, name) = (String::new(), String::new());
+        let facts = SubDeviceFacts { position: 0, drive, name, identity, alias: None, station_address: 1 };
+        end.introduce(vec![facts]);
+        let later = Instant::now() + Duration::from_secs(1000);
+        let aborted = MailboxError::Aborted { object: OBJECT, code: AbortCode(0x0602_0000) };
+        for (refusal, is_its_own) in [
+            (AcyclicRefusal::Failed(AcyclicError::Mailbox(aborted)), true),
+            (AcyclicRefusal::Failed(AcyclicError::NoMailbox { position: 0 }), false),
+            (AcyclicRefusal::Away(0), false),
+            (AcyclicRefusal::Full, false),
+        ] {
+            let others = (0..MOST).map(|_| line.ask(0, write(), Permission::Always, later).unwrap());
+            let others: Vec<u64> = others.collect();
+            assert_eq!(line.ask(0, write(), Permission::Always, later), Err(write()));
+            let asking = line.clone();
+            let asking = std::thread::spawn(move || asking.wait_until(0, write(), Permission::Always, later));
+            std::thread::sleep(Duration::from_millis(50));
+            assert!(!asking.is_finished(), "it waits for room");
+            while !asking.is_finished() {
+                let Some(Asked { ticket, work, .. }) = end.taken(Phase::Disabled, |_| false, Instant::now())
+                else {
+                    continue;
+                };
+                if !others.contains(&ticket) {
+                    end.tell(Told { ticket, work, result: Err(refusal) });
+                }
+            }
+            let error = asking.join().unwrap().unwrap_err();
+            assert_eq!(error.is_refusal(), is_its_own, "{error}");
+            assert_eq!(error.to_string(), refusal.to_string());
         }
     }
 }

@@ -15,7 +15,7 @@ use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{SdoWriteRule, parse_object};
 use serde::{Deserialize, Serialize};
 
-use super::acyclic::{AcyclicLine, Lasting, Permission, SubDeviceFacts};
+use super::acyclic::{AcyclicLine, AcyclicRefusal, Lasting, Permission, SubDeviceFacts};
 
 /// The longest wait for an answer: each message to a SubDevice has 2 s of its own.
 const ANSWER: Duration = Duration::from_secs(3);
@@ -119,26 +119,39 @@ pub struct SubDeviceSeen {
 
 /// Why nothing was read or written, in words.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{0}")]
-pub struct SdoError(String);
+#[error("{why}")]
+pub struct SdoError {
+    why: String,
+    is_refusal: bool,
+}
 
 impl SdoError {
-    /// In these words.
+    /// In these words; nobody asked the SubDevice, or it didn't answer.
     pub fn new(why: String) -> Self {
-        SdoError(why)
+        SdoError { why, is_refusal: false }
+    }
+
+    /// The SubDevice's own no, in these words.
+    pub fn refusal(why: String) -> Self {
+        SdoError { why, is_refusal: true }
+    }
+
+    /// Whether the SubDevice itself said no to what was asked.
+    pub fn is_refusal(&self) -> bool {
+        self.is_refusal
     }
 }
 
 impl SdoPlace {
     /// The object `text`, as `6041:00` (hexadecimal) or `60C1.1`, of the SubDevice at `position`.
     pub fn new(position: u16, text: &str) -> Result<Self, SdoError> {
-        let (index, subindex) = parse_object(text).map_err(|error| SdoError(error.to_string()))?;
+        let (index, subindex) = parse_object(text).map_err(|error| SdoError::new(error.to_string()))?;
         Ok(SdoPlace { position, object: ObjectAddress::new(index, subindex) })
     }
 }
 
 fn too_short(place: SdoPlace, bytes: &[u8]) -> SdoError {
-    SdoError(format!("{}: a description of {} bytes is too short", place.object, bytes.len()))
+    SdoError::refusal(format!("{}: a description of {} bytes is too short", place.object, bytes.len()))
 }
 
 impl AcyclicLine {
@@ -204,7 +217,7 @@ impl AcyclicLine {
         let object = place.object;
         let permission = match plan.sdo_write_rule(object) {
             SdoWriteRule::Never(why) => {
-                return Err(SdoError(format!("{object} is not written while the robot runs: {why}")));
+                return Err(SdoError::new(format!("{object} is not written while the robot runs: {why}")));
             }
             SdoWriteRule::Always => Permission::Always,
             SdoWriteRule::WhileDisabled => Permission::WhileDisabled,
@@ -220,7 +233,7 @@ impl AcyclicLine {
             let state = match self.wait(facts.position, work, Permission::Always) {
                 Ok(AcyclicWork::Registers { data, .. }) => state_words(u16_at(&data, 0)),
                 Ok(AcyclicWork::Mailbox(_)) => "unknown".to_owned(),
-                Err(SdoError(why)) => why,
+                Err(error) => error.why,
             };
             SubDeviceSeen { facts: facts.clone(), state }
         };
@@ -234,7 +247,10 @@ impl AcyclicLine {
         permission: Permission,
     ) -> Result<Vec<u8>, SdoError> {
         let operation = request.operation;
-        let failed = |SdoError(why)| SdoError(format!("SubDevice {position}: {operation}: {why}"));
+        let failed = |SdoError { why, is_refusal }| SdoError {
+            why: format!("SubDevice {position}: {operation}: {why}"),
+            is_refusal,
+        };
         match self.wait(position, AcyclicWork::Mailbox(request), permission).map_err(failed)? {
             AcyclicWork::Mailbox(request) => Ok(request.data),
             AcyclicWork::Registers { data, .. } => Ok(data),
@@ -247,27 +263,46 @@ impl AcyclicLine {
         work: AcyclicWork,
         permission: Permission,
     ) -> Result<AcyclicWork, SdoError> {
+        self.wait_until(position, work, permission, Instant::now() + ANSWER)
+    }
+
+    pub(super) fn wait_until(
+        &self,
+        position: u16,
+        work: AcyclicWork,
+        permission: Permission,
+        until: Instant,
+    ) -> Result<AcyclicWork, SdoError> {
         let count = self.subdevices().len();
         if count == 0 {
-            return Err(SdoError("the robot's bus is not set up yet".to_owned()));
+            return Err(SdoError::new("the robot's bus is not set up yet".to_owned()));
         }
         if usize::from(position) >= count {
-            return Err(SdoError(format!("there is no SubDevice {position}: the robot has {count}")));
+            return Err(SdoError::new(format!("there is no SubDevice {position}: the robot has {count}")));
         }
-        let ticket = self
-            .ask(position, work, permission)
-            .ok_or_else(|| SdoError("too much was asked at once".into()))?;
-        let until = Instant::now() + ANSWER;
+        let (mut unasked, mut ticket) = (Some(work), None);
         while Instant::now() < until {
-            if let Some(told) = self.told(ticket) {
-                return told.result.map(|()| told.work).map_err(|why| SdoError(why.to_string()));
+            if let Some(work) = unasked.take() {
+                // Whoever asks beside many others waits for room.
+                match self.ask(position, work, permission, until) {
+                    Ok(asked) => ticket = Some(asked),
+                    Err(work) => unasked = Some(work),
+                }
+            }
+            if let Some(told) = ticket.and_then(|ticket| self.told(ticket)) {
+                let failed =
+                    |why: AcyclicRefusal| SdoError { why: why.to_string(), is_refusal: why.is_its_own() };
+                return told.result.map(|()| told.work).map_err(failed);
             }
             std::thread::sleep(LOOK);
         }
         let waited_s = ANSWER.as_secs();
-        Err(SdoError(format!(
-            "no answer within {waited_s} s; what was asked may have been done all the same"
-        )))
+        Err(SdoError::new(match ticket {
+            Some(_) => {
+                format!("no answer within {waited_s} s; what was asked may have been done all the same")
+            }
+            None => format!("too much was asked at once for {waited_s} s: nothing was done"),
+        }))
     }
 }
 

@@ -171,6 +171,19 @@ fn a_hot_connect_group_that_is_there_is_missed_when_it_goes() {
     );
 }
 
+/// Half of a group is refused by what is missing; that the robot runs without it isn't said before.
+#[test]
+fn a_part_of_a_hot_connect_group_is_not_called_absent() {
+    let lamp = GRIPPER.replace("gripper", "lamp").replace("alias = 77", "alias = 78");
+    let there = plan(&GRIPPER.replace("group = \"arm\"\n", ""));
+    let (link, clock) = in_process(simulated::segment(&there).unwrap().0);
+    let mut told = Vec::new();
+    let both = plan(&format!("{GRIPPER}{lamp}"));
+    let refused = Session::prepare(link, clock, &both, &mut |words| told.push(words)).err().unwrap();
+    assert!(refused.to_string().contains("`lamp` is not; connect all of it, or none"), "{refused}");
+    assert_eq!(told, Vec::<String>::new());
+}
+
 #[test]
 fn a_hot_connect_group_never_shifts_a_position_that_others_are_known_by() {
     // The file expects the buttons where the gripper is plugged in.

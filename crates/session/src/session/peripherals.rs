@@ -50,8 +50,12 @@ pub(super) fn absent_groups(plan: &RobotPlan, subdevices: &[SubDevice]) -> Resul
     let last = known_by_position.max();
     for device in &plan.devices {
         let Some(group) = &device.group else { continue };
+        // A part of it that is there is refused later, with what is missing.
+        let is_of_it = |one: &&DevicePlan| one.group.as_ref() == Some(group);
+        let mut members = plan.devices.iter().filter(is_of_it);
         match (found(device.place, subdevices), last) {
             (None, _) if absent.contains(group) => {}
+            (None, _) if members.any(|one| found(one.place, subdevices).is_some()) => {}
             (None, _) => absent.push(group.clone()),
             (Some(one), Some(last)) if one.position <= last => {
                 let (name, position) = (device.name.clone(), one.position);

@@ -108,6 +108,9 @@ impl<C: Clock> Guide<'_, C> {
             self.kept();
             return Ok(true);
         };
+        if position != writing.position {
+            self.were_plugged_elsewhere(position, &writing);
+        }
         match stands {
             Stands::Whole => self.alias_is_written(position, alias),
             Stands::Half => {
@@ -134,6 +137,19 @@ impl<C: Clock> Guide<'_, C> {
             self.kept();
         }
         self.is_loaded(&mut bus, position)
+    }
+
+    /// Who was being written stands at another place: nobody knows which wheel any drive turns, so all are found and jogged again.
+    fn were_plugged_elsewhere(&mut self, position: u16, writing: &AliasWrite) {
+        self.record.writing = Some(AliasWrite { position, ..writing.clone() });
+        self.record.drives.clear();
+        self.record.done.clear();
+        self.tell_found(format!(
+            "the drive into which alias {} was being written was SubDevice {} then and is SubDevice {position} now: drives were \
+             plugged in elsewhere, so they are found and jogged again",
+            writing.alias, writing.position
+        ));
+        self.kept();
     }
 
     /// A chip that was switched on with half an EEPROM loads it at its next power-on alone; `false` where it is left.
@@ -322,5 +338,49 @@ mod tests {
             }
         }
         assert!(halves > 40, "{halves} halves");
+    }
+
+    /// The half-written one is plugged in where another drive was: that one isn't called by its alias, and no wheel is believed.
+    #[test]
+    fn a_half_that_is_plugged_in_elsewhere_has_all_drives_jogged_again() {
+        let text = "[[subdevice]]\nkind = \"servo\"\ncount = 2\n";
+        let segment = SegmentFile::parse(text).unwrap().build(std::path::Path::new(".")).unwrap();
+        let (link, clock) = in_process(segment);
+        let cable = Cable { link: Rc::new(RefCell::new(link)), left: Rc::default() };
+        let mut bus = Bus::new(cable.clone(), clock.clone(), BusOptions::default());
+        bus.scan().unwrap();
+        let before = bus.read_sii(0).unwrap();
+        let after = bus.sii_with_alias(0, ALIAS).unwrap().unwrap();
+        cable.left.set(Some(20));
+        bus.write_sii(0, &before, &after).unwrap_err();
+        cable.left.set(None);
+        let begins = before[..sii::HEADER].to_vec();
+        let drive = |position, wheel: &str| FoundDrive {
+            position,
+            wheel: Some(wheel.to_owned()),
+            ..FoundDrive::default()
+        };
+        let record = Record {
+            drives: vec![drive(0, "wheel_1"), drive(1, "wheel_2")],
+            done: vec![crate::Step::Find, crate::Step::Jog],
+            writing: Some(AliasWrite { position: 1, alias: ALIAS, begins }),
+            ..Record::default()
+        };
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            Ok((Box::new(cable.clone()), clock.clone()))
+        };
+        let mut person = Person { says: "the rest", asked: Vec::new(), told: Vec::new(), power: &|| {} };
+        let (mut keep, mut back_up) = (|_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
+        let outside = Outside { hand: &mut person, keep: &mut keep, back_up: &mut back_up };
+        let mut guide = Guide::new(Wished::new(BASE.to_owned()), record, &mut open, outside).unwrap();
+        assert!(matches!(guide.run(), Err(SetupError::TooFewDrives { .. })), "it begins with who is there");
+        let record = guide.record.clone();
+        assert_eq!((record.drives, record.done, record.writing), (Vec::new(), Vec::new(), None));
+        assert!(
+            record.findings[0].contains("was SubDevice 1 then and is SubDevice 0 now"),
+            "{:?}",
+            record.findings
+        );
+        assert_eq!(person.asked, ["finish 0"]);
     }
 }
