@@ -227,7 +227,9 @@ impl CallHandler {
         }
         let [x_m, y_m, heading_rad] = pose;
         let goal = Pose2 { x_m, y_m, heading_rad };
-        let begun = self.drive_to.begin(&self.live, &self.about, asker, waiting, goal, best)?;
+        let Some(begun) = self.drive_to.begin(&self.live, &self.about, asker, waiting, goal, best)? else {
+            return Ok(Reply::CallResult(CallResult::done("it stands there already")));
+        };
         if let Ok(drawn) = self.about.drawn(&begun.table) {
             self.keep(begun.number, drawn);
         }

@@ -14,8 +14,8 @@ use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle, spread_m};
 use omnibase_robot::signals::{Course, Phase, SafetyReason, Setpoint};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Ability, RequestKind};
-use omnibase_run::live::{Answer, Ask, Asker, Live, Snapshot, Stamp};
-use omnibase_run::room::WayRequest;
+use omnibase_run::live::{Answer, Ask, Asker, Commander, Live, Refusal, Snapshot, Stamp};
+use omnibase_run::room::{WayRequest, stands_at};
 
 use crate::robot_info::RobotInfo;
 use crate::room_seen::WaySeen;
@@ -46,6 +46,8 @@ const STANDS: f64 = 0.01;
 /// A robot that moves goes on for so long until another way is planned, s; and places that are kept of where it goes.
 const PLANNING_S: f64 = 0.2;
 const LEADS: u32 = 8;
+/// Why a drive is over that others ended.
+const REPLACED: &str = "it was stopped, or something else was asked";
 /// Why something can't be sent.
 const FULL: &str = "too much was asked at once";
 
@@ -69,6 +71,8 @@ struct Drive {
     stage: Stage,
     since: Instant,
     held_up: Option<HeldUp>,
+    /// The one whose place it takes once the robot goes; it goes on where the robot refuses.
+    replaces: Option<Box<Drive>>,
 }
 
 /// Where a drive gets no farther, and since when.
@@ -178,7 +182,7 @@ impl DriveTo {
         lock(&self.under_way).is_some()
     }
 
-    /// Plans a way, and begins it.
+    /// Plans a way, and begins it; nothing where the robot stands there already. What is refused leaves all as it was.
     pub(crate) fn begin(
         &self,
         live: &Live,
@@ -187,15 +191,22 @@ impl DriveTo {
         waiting: &Waiting,
         goal: Pose2,
         best: Option<BestWay>,
-    ) -> Result<Begun, String> {
+    ) -> Result<Option<Begun>, String> {
         let snapshot = live.snapshot();
         if !matches!(snapshot.phase, Phase::Holding | Phase::Tracking) {
             return Err(crate::status::unfit(snapshot.phase).trim_start_matches("refused: ").to_owned());
         }
         // It is as old as it is now, however long planning takes; a stop that comes meanwhile still counts.
         live.check_age(asker.stamp).map_err(|why| Answer::Refused(why).text().into_owned())?;
-        // What waits to be planned again is over with it.
-        let order = self.supersede(live);
+        if let Commander::Reference(leader) = snapshot.extras.authority.commander
+            && leader != asker.client
+        {
+            return Err(Answer::Refused(Refusal::Led).text().into_owned());
+        }
+        if snapshot.phase == Phase::Holding && stands_at(&snapshot.record.setpoint.odom_from_body, &goal) {
+            return Ok(None);
+        }
+        let (order, replaces) = self.take_over();
         let mut drive = Drive {
             order,
             asker: asker.stamped(Stamp::OnBehalf),
@@ -207,36 +218,48 @@ impl DriveTo {
             stage: Stage::Blocked { tried: None },
             since: Instant::now(),
             held_up: None,
+            replaces: replaces.map(Box::new),
         };
-        let begun = drive.go(live, about, &snapshot, waiting, self)?;
-        self.keep(drive, Some(begun.text.clone()));
-        Ok(begun)
+        match drive.go(live, about, &snapshot, waiting, self) {
+            Ok(begun) => {
+                self.keep(drive, Some(begun.text.clone()));
+                Ok(Some(begun))
+            }
+            Err(why) => {
+                self.give_back(drive);
+                Err(why)
+            }
+        }
     }
 
     fn walls(&self) -> Walls {
         lock(&self.walls).clone()
     }
 
-    /// Somebody stops the robot: what is planned, or waits to be planned again, doesn't begin. A way that is being driven is ended by
-    /// what the robot does.
+    /// Somebody stops the robot: what is planned, isn't seen on its way yet, or waits to be planned again, doesn't begin. A way that is
+    /// being driven is ended by what the robot does.
     pub(crate) fn stop_waiting(&self, live: &Live) {
-        let is_driving =
-            lock(&self.under_way).as_ref().is_some_and(|drive| matches!(drive.stage, Stage::Driving { .. }));
-        if !is_driving {
-            self.supersede(live);
+        let drives = |drive: &Drive| matches!(drive.stage, Stage::Driving { is_seen: true, .. });
+        if lock(&self.under_way).as_ref().is_some_and(drives) {
+            return;
+        }
+        if let (_, Some(drive)) = self.take_over() {
+            self.tell_end(live, &drive, Err(REPLACED));
         }
     }
 
-    /// Ends the one before, wherever it is; the order of the next.
-    fn supersede(&self, live: &Live) -> u64 {
+    /// Nobody goes on with the one before; the order of the next.
+    fn take_over(&self) -> (u64, Option<Drive>) {
         let mut under_way = lock(&self.under_way);
-        let order = self.latest.fetch_add(1, Ordering::Relaxed) + 1;
-        let before = under_way.take();
-        drop(under_way);
-        if let Some(drive) = before {
-            self.tell_end(live, &drive, Err("it was stopped, or something else was asked"));
+        (self.latest.fetch_add(1, Ordering::Relaxed) + 1, under_way.take())
+    }
+
+    /// A drive that doesn't begin leaves the place to the one that it would have replaced, unless both were ended meanwhile.
+    fn give_back(&self, drive: Drive) {
+        let mut under_way = lock(&self.under_way);
+        if self.check_latest(&drive).is_ok() {
+            *under_way = drive.replaces.map(|before| Drive { order: drive.order, ..*before });
         }
-        order
     }
 
     /// Goes on with a drive, unless it was ended meanwhile; what to say of it.
@@ -297,7 +320,7 @@ impl DriveTo {
             Stage::Driving { is_seen, ticket, .. } => {
                 let is_own = snapshot.reference == drive.number && follows(&snapshot);
                 match snapshot.phase {
-                    _ if is_refused(live, *ticket) => self.pause(live, about, drive, &snapshot),
+                    _ if !is_seen && is_refused(live, *ticket) => self.refused(live, about, drive, &snapshot),
                     Phase::Tracking if is_own => return self.watch(live, about, drive, &snapshot),
                     _ if !is_seen && drive.since.elapsed() < BEGINS => {}
                     Phase::Holding if is_there(&snapshot, &drive.goal) => self.end(live, &drive, Ok("there")),
@@ -339,6 +362,9 @@ impl DriveTo {
     fn watch(&self, live: &Live, about: &RobotInfo, mut drive: Drive, snapshot: &Snapshot) -> Option<Begun> {
         let Stage::Driving { poses, obstacles, walls, is_seen, .. } = &mut drive.stage else { return None };
         *is_seen = true;
+        if let Some(before) = drive.replaces.take() {
+            live.tell(&format!("drive_to was given up: {REPLACED}"), Some(before.asker.client));
+        }
         let here = snapshot.record.setpoint.odom_from_body;
         let spread_m = spread(about, snapshot);
         let now = new_obstacles(&snapshot.obstacles, obstacles);
@@ -364,6 +390,26 @@ impl DriveTo {
         live.tell(&format!("drive_to: the way was blocked, another one of {}", begun.text), None);
         self.keep(drive, Some(text));
         begun
+    }
+
+    /// The robot doesn't go. What it was asked for anew leaves it as it was; where its way was blocked it has to wait.
+    fn refused(&self, live: &Live, about: &RobotInfo, drive: Drive, snapshot: &Snapshot) {
+        let Stage::Driving { ticket, .. } = drive.stage else { return };
+        let answer = live.answer(ticket);
+        if drive.replans == 0 {
+            let why = answer.map_or_else(String::new, |answer| answer.text().into_owned());
+            let goes_on = drive.replaces.as_ref().map(|before| before.goal);
+            let text = if goes_on.is_some() { format!("on the way; another one was {why}") } else { why };
+            let goal = goes_on.unwrap_or(drive.goal);
+            self.give_back(drive);
+            let goal = [goal.x_m, goal.y_m, goal.heading_rad];
+            let (under_way, failed) = (goes_on.is_some(), goes_on.is_none());
+            *lock(&self.seen) = Some(WaySeen { goal, text, under_way, failed });
+        } else if let Some(Answer::Robot(_)) = answer {
+            self.pause(live, about, drive, snapshot);
+        } else {
+            self.end(live, &drive, Err("somebody else has the robot"));
+        }
     }
 
     fn pause(&self, live: &Live, about: &RobotInfo, drive: Drive, snapshot: &Snapshot) {
@@ -463,7 +509,8 @@ impl Drive {
             ticket,
         };
         self.since = Instant::now();
-        let text = format!("{:.2} m in {:.1} s", timed.plan.length_m, timed.duration_s);
+        let set = snapshot.setting("speed_factor").map_or(1.0, |(_, gain)| gain.value);
+        let text = format!("{:.2} m in {:.1} s", timed.plan.length_m, timed.duration_s / set);
         Ok(Begun { ticket, text, number, table: timed.table })
     }
 }

@@ -1,5 +1,6 @@
 //! The room of a robot's file, and ways through it.
 
+use std::cell::Cell;
 use std::path::Path;
 
 use omnibase_plan::map::Unknown;
@@ -38,6 +39,8 @@ const STOP_EVERY: u32 = 4;
 const LEFT_AT_ONCE: usize = 4;
 /// Rounding of a speed.
 const SPEED_ROUNDING: f64 = 1.001;
+/// Nearer than this there is no way to go, m and rad.
+const THERE: f64 = 1e-6;
 /// Nearer points than this are one for the timing, m and rad.
 const SAME: f64 = 1e-3;
 
@@ -112,6 +115,9 @@ pub enum RoomError {
     /// The way.
     #[error("{0}")]
     Plan(#[from] PlanError),
+    /// There is no way to go.
+    #[error("it stands there already")]
+    There,
     /// Its timing.
     #[error("the way was found, but it can't be timed: {0}")]
     Timing(String),
@@ -333,6 +339,9 @@ impl Room {
         ability: &Ability,
         registry: &Registry,
     ) -> Result<TimedWay, RoomError> {
+        if way.lead.is_empty() && stands_at(&way.from, &way.to) {
+            return Err(RoomError::There);
+        }
         let out = self.way_out(way);
         let found = self.timed_from(out, way, ability, registry);
         // Something else may be in the way straight out.
@@ -388,51 +397,65 @@ impl Room {
         let fastest_m_s =
             SPEED_ROUNDING * (limits.speed_m_s + self.footprint.outer_radius_m() * limits.turn_speed_rad_s);
         // Where it can't be known beforehand, nothing is known of it.
+        let ended = Cell::new(false);
         let pose = |time_s: f64| {
             let nowhere = Pose2 { x_m: f64::NAN, ..Pose2::default() };
+            ended.set(ended.get() || way.until.is_over());
+            if ended.get() {
+                return nowhere;
+            }
             reference.preview(time_s).map_or(nowhere, |setpoint| setpoint.odom_from_body)
         };
         let mut sweep = Sweep::new(space, &self.footprint);
-        if let Some(at) = sweep.touches([0.0, duration_s], fastest_m_s, &pose) {
-            return Err(RoomError::Touches { at });
-        }
-        if let Some(at) = self.stop_touches(&*reference, duration_s, begun, limits, &mut sweep) {
-            return Err(RoomError::StopTouches { at });
-        }
-        if way.until.is_over() {
+        let touched = sweep.touches([0.0, duration_s], fastest_m_s, &pose);
+        if ended.get() {
             return Err(PlanError::Ended.into());
         }
+        if let Some(at) = touched {
+            return Err(RoomError::Touches { at });
+        }
+        self.check_stops(&*reference, duration_s, begun, limits, &mut sweep, way.until)?;
         Ok((table, reference, duration_s))
     }
 
-    /// Where a stop from somewhere on a motion touches anything: made as the robot makes it.
-    fn stop_touches(
+    /// Whether no stop from somewhere on a motion touches anything: made as the robot makes it.
+    fn check_stops(
         &self,
         reference: &dyn Reference,
         duration_s: f64,
         begun: Pose2,
         limits: &Limits,
         sweep: &mut Sweep<'_>,
-    ) -> Option<Pose2> {
-        let mut limiter = Limiter::new(limits, STOP_STEP_S).ok()?;
+        until: Until<'_>,
+    ) -> Result<(), RoomError> {
+        // Where no limiter can be made of the limits there is no such robot.
+        let Ok(mut limiter) = Limiter::new(limits, STOP_STEP_S) else { return Ok(()) };
         limiter.reset(begun);
         for number in 1..=(duration_s / STOP_STEP_S).ceil() as u32 {
-            let mut from =
-                limiter.follow(&reference.preview(STOP_STEP_S * f64::from(number))?).odom_from_body;
+            let Some(along) = reference.preview(STOP_STEP_S * f64::from(number)) else { break };
+            let mut from = limiter.follow(&along).odom_from_body;
             if !number.is_multiple_of(STOP_EVERY) {
                 continue;
+            }
+            if until.is_over() {
+                return Err(PlanError::Ended.into());
             }
             let mut stopping = limiter.clone();
             while !stopping.is_at_rest() {
                 let to = stopping.toward(Twist2::default()).odom_from_body;
                 if !sweep.passes([&from, &to], &self.footprint) {
-                    return Some(to);
+                    return Err(RoomError::StopTouches { at: to });
                 }
                 from = to;
             }
         }
-        None
+        Ok(())
     }
+}
+
+/// Whether somebody who is at one pose is at the other, but for rounding.
+pub fn stands_at(here: &Pose2, there: &Pose2) -> bool {
+    here.distance_m(*there) < THERE && (here.heading_rad - there.heading_rad).abs() < THERE
 }
 
 /// A way as a reference's table, gone along with a part of the platform's speeds at most: its points' times are those of half the speed, and don't count.

@@ -63,6 +63,12 @@ pub enum FastestError {
     /// The way turns there without leading anywhere.
     #[error("the way turns on the spot at its {0}: nothing is passed there")]
     OnTheSpot(WayEnd),
+    /// The grid that it needs is finer than any use.
+    #[error("limits, or lengths of the way, are so far apart that {most} parts of it aren't enough")]
+    TooFine {
+        /// Most parts that there may be.
+        most: usize,
+    },
     /// A motion beyond any use.
     #[error("it takes {found_s} s, expected at most {LONGEST_S} s")]
     TooLong {

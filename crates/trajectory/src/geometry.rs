@@ -93,17 +93,19 @@ pub struct Joining {
 
 /// A blend takes at most this part of the ways beside it.
 const MOST_OF_LEG: f64 = 0.45;
+/// Points that are nearer than this are one, m: what lies between them is rounding, and has no direction.
+const SAME_M: f64 = 1e-9;
 /// A blend's length over the ways that it replaces, by which a right angle is passed soonest.
 const BLEND_LENGTH: f64 = 0.9;
 
 impl PiecewisePath {
     /// The way through points: C2 cubic splines over the chords, with corners cut by quintics that keep direction and curvature
-    /// continuous. Points that repeat count once; `None` where fewer than two are left.
+    /// continuous. Points that repeat, but for rounding, count once; `None` where fewer than two are left.
     pub fn through(poses: &[Pose2], joining: Joining) -> Option<PiecewisePath> {
         let mut points: Vec<[f64; 3]> = Vec::with_capacity(poses.len());
         for pose in poses {
             let point = [pose.x_m, pose.y_m, pose.heading_rad];
-            if points.last() != Some(&point) {
+            if points.last().is_none_or(|last| distance(last, &point, joining.radius_m) > SAME_M) {
                 points.push(point);
             }
         }

@@ -22,7 +22,7 @@ pub(super) const JOIN_RATE: f64 = 0.7;
 const JOIN_S: f64 = 0.05;
 pub(super) const JOINS: i32 = 16;
 const JOIN_FACTOR: f64 = 1.35;
-/// A way onto a reference takes so much longer at most than the reference itself takes.
+/// A way onto a reference takes so much longer at most than the reference itself takes with the speed that is set.
 const JOIN_LONGER: f64 = 1.25;
 /// A way is planned anew where it came nearer to its end by so much since it was planned, m: that ends.
 const GAINED_M: f64 = 0.02;
@@ -32,6 +32,9 @@ const BESIDE_S: f64 = 0.1;
 const BESIDE_LOOKS: u32 = 15;
 /// Slower than this it stands there, m/s and rad/s.
 const ALL_BUT_REST: f64 = 0.01;
+/// A platform that came to rest still settles: what that leaves of speed and acceleration, m/s, rad/s, m/s² and rad/s². The limiter
+/// takes it away.
+const SETTLES: f64 = 1e-4;
 /// The number of a reference that was replaced.
 const REPLACED: u32 = u32::MAX;
 
@@ -73,8 +76,8 @@ impl From<'_> {
     }
 
     fn moves(&self) -> bool {
-        let zero = Twist2::default();
-        self.setpoint.twist_in_odom != zero || self.setpoint.acceleration_in_odom != zero
+        let settles = |twist: &Twist2| twist.speed_m_s() <= SETTLES && twist.w_rad_s.abs() <= SETTLES;
+        !(settles(&self.setpoint.twist_in_odom) && settles(&self.setpoint.acceleration_in_odom))
     }
 
     fn room_m(&self) -> f64 {
@@ -231,7 +234,8 @@ impl Motion {
         let later_s = JOIN_S * JOIN_FACTOR.powi(number);
         let at_s = since_s + later_s;
         let place = self.reference.preview(at_s).filter(|_| at_s < end_s)?;
-        let rate = allowed.rate_at(&place).min(from.settings.rate(place.twist_in_odom));
+        let set = from.settings.rate(place.twist_in_odom);
+        let rate = allowed.rate_at(&place).min(set);
         let to = Setpoint {
             twist_in_odom: place.twist_in_odom.scaled(rate),
             acceleration_in_odom: place.acceleration_in_odom.scaled(rate * rate),
@@ -243,7 +247,7 @@ impl Motion {
         is_there.then(|| Joint {
             at_ns: 1e9 * at_s,
             rate,
-            longer_s: self.tried.duration_s() - JOIN_LONGER * later_s,
+            longer_s: self.tried.duration_s() - JOIN_LONGER * later_s / set,
         })
     }
 

@@ -158,6 +158,54 @@ fn a_robot_goes_the_straight_way_to_a_pose() {
 }
 
 #[test]
+fn a_motion_begins_where_another_one_came_to_rest_whatever_speed_is_set() {
+    for factor in [1.0, 0.25, 0.05] {
+        let mut bench = Bench::new(plan(&(BMM.to_owned() + CIRCLE)));
+        bench.enable();
+        let mut smooth = Smooth::new();
+        let there = Pose2 { x_m: 0.7, y_m: -0.4, heading_rad: 2.0 };
+        smooth.step(&mut bench, Some(RequestKind::GoTo { odom_from_body: there }));
+        smooth.until(&mut bench, Phase::Holding, 10_000);
+        let set = RequestKind::Set { index: 0, value: factor, batch: Batch::ALONE };
+        assert_eq!(smooth.step(&mut bench, Some(set)).answer, RequestAnswer::Taken);
+        for _ in 0..300 {
+            smooth.step(&mut bench, None);
+        }
+        let record = smooth.step(&mut bench, Some(RequestKind::Track));
+        assert_eq!((record.answer, record.course), (RequestAnswer::Taken, Course::Reference), "{factor}");
+        for _ in 0..200 {
+            smooth.step(&mut bench, None);
+        }
+    }
+}
+
+#[test]
+fn another_motion_is_joined_however_slowly_the_robot_is_set_to_go() {
+    for factor in [1.0, 0.3, 0.05] {
+        let mut bench = Bench::new(plan(&(BMM.to_owned() + CIRCLE)));
+        bench.enable();
+        let mut smooth = Smooth::new();
+        let set = RequestKind::Set { index: 0, value: factor, batch: Batch::ALONE };
+        assert_eq!(smooth.step(&mut bench, Some(set)).answer, RequestAnswer::Taken);
+        assert_eq!(smooth.step(&mut bench, Some(RequestKind::Track)).answer, RequestAnswer::Taken);
+        for _ in 0..2000 {
+            smooth.step(&mut bench, None);
+        }
+        let table = bench.plan.reference.clone();
+        let reference = Registry::with_built_in().make_reference(&table, &Ability::of(&bench.plan)).unwrap();
+        bench.robot.offer_reference(7, reference);
+        for kind in [RequestKind::UseReference { number: 7 }, RequestKind::Track] {
+            assert_eq!(
+                smooth.step(&mut bench, Some(kind)).answer,
+                RequestAnswer::Taken,
+                "{factor}: {kind:?}"
+            );
+        }
+        smooth.until(&mut bench, Phase::Holding, (20_000.0 / factor) as u32);
+    }
+}
+
+#[test]
 fn the_way_to_a_pose_keeps_to_what_is_set() {
     for (settings, most_m_s) in [([1.0, 0.1], 0.1), ([0.2, 0.3], 0.2)] {
         let mut bench = Bench::new(plan(BMM));

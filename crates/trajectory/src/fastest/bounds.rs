@@ -26,6 +26,8 @@ pub enum Limit {
 const TURN_OF_WAY: f64 = 0.2;
 /// And how much the acceleration may, over what it may be.
 const TURN: f64 = 0.11;
+/// The shortest window over which a motion is smoothed, s.
+const SHORTEST_WINDOW_S: f64 = 1e-6;
 
 /// What motors bear: the root of the mean square of their torques over a window of time; before the motion they rested.
 #[derive(Clone, Debug, PartialEq)]
@@ -175,7 +177,8 @@ impl PlatformBounds {
             }
             before = u;
         }
-        most_s
+        // Without a limit there is none; a shorter one than any cycle sees would be lost in rounding.
+        if most_s > 0.0 { most_s.max(SHORTEST_WINDOW_S) } else { 0.0 }
     }
 }
 

@@ -15,6 +15,9 @@ const RESOLVED: f64 = 2e-4;
 /// An interval that gains so many times its share is quartered; into more than so many none is split at once.
 const COARSE: f64 = 8.0;
 const MOST_PARTS: usize = 8;
+/// Most intervals of a grid, and of each piece: a way that asks for more has limits, or lengths, that rounding doesn't tell apart.
+const MOST_INTERVALS: usize = 1 << 18;
+const MOST_OF_PIECE: usize = 1 << 6;
 /// Directions that differ by less are one, over their length.
 const SAME_DIRECTION: f64 = 1e-6;
 
@@ -169,6 +172,10 @@ impl Grid {
     ) -> Result<bool, FastestError> {
         if parts.iter().all(|parts| *parts == 1) {
             return Ok(false);
+        }
+        let most = MOST_INTERVALS + MOST_OF_PIECE * path.breaks().len();
+        if parts.iter().sum::<usize>() > most {
+            return Err(FastestError::TooFine { most });
         }
         let old = std::mem::replace(
             self,

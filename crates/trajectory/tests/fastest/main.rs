@@ -52,6 +52,33 @@ fn line(length_m: f64) -> PiecewisePath {
 }
 
 #[test]
+fn points_that_only_rounding_tells_apart_are_one() {
+    let (here, near) = (Pose2::default(), Pose2::new(6.7e-14, 2.7e-19, -1.3e-16));
+    assert!(PiecewisePath::through(&[near, here], JOINING).is_none());
+    let path = PiecewisePath::through(&[here, near, Pose2::new(1.0, 0.0, 0.0)], JOINING).unwrap();
+    let bounds = PlatformBounds::new(LIMITS);
+    let [with, without] =
+        [path, line(1.0)].map(|path| FastestTrajectory::new(path, &bounds).unwrap().duration_s());
+    assert!((with - without).abs() < 1e-9, "{with} s, {without} s");
+}
+
+#[test]
+fn limits_beyond_any_use_are_refused_and_a_jerk_that_no_cycle_sees_costs_nothing() {
+    let eight = ShapePath { shape: Shape::Eight { half_length_m: 0.8 }, heading: Heading::Fixed, turns: 1.0 };
+    let timed =
+        |limits| FastestTrajectory::new(eight, &PlatformBounds::new(limits)).map(|found| found.duration_s());
+    for acceleration_m_s2 in [1e-12, 1e-15] {
+        let refused = timed(Limits { acceleration_m_s2, ..LIMITS }).unwrap_err();
+        assert!(matches!(refused, FastestError::TooLong { .. } | FastestError::TooFine { .. }), "{refused}");
+    }
+    let of = |jerk| timed(Limits { jerk_m_s3: jerk, angular_jerk_rad_s3: jerk, ..LIMITS }).unwrap();
+    let expected_s = of(1e6);
+    for jerk in [1e9, 1e12, 1e15, 1e18] {
+        assert!((of(jerk) - expected_s).abs() < 1e-3 * expected_s, "{jerk}: {} s, {expected_s} s", of(jerk));
+    }
+}
+
+#[test]
 fn a_straight_line_takes_the_time_of_a_trapezoid() {
     let disk = AccelerationBounds { length: Some(1.5), ..Default::default() };
     let (intervals, most) = grid(&line(3.0), 450, 1.0);

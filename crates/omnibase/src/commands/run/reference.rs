@@ -143,10 +143,25 @@ fn keys(kind: &Kind) -> String {
     kind.keys.iter().map(|key| key.name).collect::<Vec<_>>().join(", ")
 }
 
+/// A text at its commas, but for those within brackets or quotes.
+fn parts(text: &str) -> Vec<&str> {
+    let (mut depth, mut is_quoted) = (0_i32, false);
+    let is_between = |character: char| {
+        match character {
+            '"' => is_quoted = !is_quoted,
+            '[' if !is_quoted => depth += 1,
+            ']' if !is_quoted => depth -= 1,
+            _ => {}
+        }
+        character == ',' && depth <= 0 && !is_quoted
+    };
+    text.split(is_between).collect()
+}
+
 /// A motion of a kind from `key=value,key=value`: its keys by their names in the file.
 fn shape(kind: &Kind, text: &str) -> anyhow::Result<Source<ReferenceTable>> {
     let mut lines = format!("kind = {:?}\n", kind.name);
-    for part in text.split(',').filter(|part| !part.trim().is_empty()) {
+    for part in parts(text).into_iter().filter(|part| !part.trim().is_empty()) {
         let wanted = || format!("`{}`: --{} takes {}", part.trim(), kind.name, keys(kind));
         let (name, value) = part.split_once('=').with_context(wanted)?;
         let (name, value) = (name.trim(), value.trim());
@@ -184,6 +199,14 @@ mod tests {
         let table = read("drawing", "drawing_file=way.svg,unit_m=0.02").unwrap();
         let expected = std::path::absolute("way.svg").unwrap();
         assert_eq!(table.drawing_file.as_deref(), expected.to_str());
+    }
+
+    #[test]
+    fn commas_within_a_value_are_its_own() {
+        let nurbs = read("nurbs", "controls=[[0,0,0],[1,0,0],[1,1,0],[0,1,0]],degree=2").unwrap();
+        assert_eq!(nurbs.controls.map(|controls| controls.len()), Some(4));
+        let drawing = read("drawing", "drawing=\"M0,0h1v1h-1z\",unit_m=1").unwrap();
+        assert_eq!(drawing.drawing.as_deref(), Some("M0,0h1v1h-1z"));
     }
 
     #[test]
