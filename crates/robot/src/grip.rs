@@ -6,6 +6,7 @@
 //! slope's force is learnt, and is among those of v̂. How far ahead counts depends on how well mass and friction are known by then. A
 //! gyro's turn is v̂'s. Of more than three wheels those that run ahead of what all of them show together slip as well.
 
+mod alone;
 pub(crate) mod equation;
 pub(crate) mod friction;
 mod identification;
@@ -18,6 +19,7 @@ use omnibase_platform::{Kinematics, PerWheel, Wrench2, axes};
 use crate::config::{ControllerTable, ESTIMATE_BOUNDS, RobotPlan, find_object, wheel_kg};
 use crate::decay::Decay;
 use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
+use alone::Alone;
 use friction::{DRY_M_S, WheelFriction};
 use identification::{Identification, Motion, Watched};
 use loads::Loads;
@@ -79,6 +81,7 @@ pub(crate) struct Grip {
     identification: Identification,
     sliding: Sliding,
     steady: Steady,
+    alone: Alone,
     filter: Decay,
     drawn: Decay,
     /// Whether every drive tells its torque: without that nothing is known.
@@ -195,6 +198,7 @@ impl Grip {
             identification: Identification::new(&first, friction.lever_m()),
             sliding: Sliding::new(&plan.kinematics, &first),
             steady: Steady::new(weighed_kg.max(bounded_kg)),
+            alone: Alone::new(first.mass.1[0] * GRAVITY_M_S2 / plan.kinematics.wheel_count() as f64),
             friction,
             loads: Loads::new(&plan.kinematics),
             filter: Decay::new(FILTER_1_S),
@@ -267,6 +271,7 @@ impl Grip {
         (self.body, self.acceleration, self.sigma) = (None, [0.0; 3], [0.0; 3]);
         self.sliding.forget();
         self.steady.forget();
+        self.alone.forget();
         self.wheels = [Wheel::default(); MAX_WHEELS];
     }
 
@@ -374,6 +379,7 @@ impl Grip {
         let Some(wished) = wished else {
             self.sliding.forget();
             self.steady.forget();
+            self.alone.forget();
             self.wheels.iter_mut().for_each(|wheel| wheel.slide = None);
             return;
         };
@@ -389,6 +395,11 @@ impl Grip {
             wheel.slide = slide.filter(|_| wheel.force_n * pushes_n[at].signum() > LEAST_N);
         }
         let shown = self.pushed(motion, &pushes_n[..count]);
+        self.alone.gain(self.unexplained(motion, &shown), motion.turn_rad_s, span_s);
+        for (at, (wheel, row)) in self.wheels.iter_mut().zip(self.kinematics.matrix()).enumerate() {
+            let slide = self.alone.look(at, row, wheel.force_n, pushes_n[at], span_s);
+            wheel.slide = wheel.slide.or(slide);
+        }
         let told = self.steady.look(&shown, span_s);
         let is_told = told.is_some();
         let any_slides = self.wheels.iter().any(|wheel| wheel.slide.is_some());
@@ -404,6 +415,14 @@ impl Grip {
                 None => {}
             }
         }
+    }
+
+    /// By how much more the rims gain along the floor than what the wheels push gives the platform, m/s²: of one that weighs what its file
+    /// tells, for what slid since its first motion looks light.
+    fn unexplained(&self, motion: &Motion, shown: &Shown) -> [f64; 2] {
+        let mass_kg = self.identification.dynamics().mass_kg.max(self.told_kg);
+        let given_n = |axis: usize| shown.push_n[axis] + shown.slope_n[axis] - shown.friction_n[axis];
+        std::array::from_fn(|axis| motion.acceleration[axis] - given_n(axis) / mass_kg)
     }
 
     /// What the wheels push the platform with, beside how it moves by them.

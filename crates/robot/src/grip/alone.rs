@@ -1,0 +1,123 @@
+//! Wheels that turn alone: their rims answer their motors as a wheel does that carries no platform.
+//!
+//! A motor's force that swings moves a gripping rim as little as the platform is heavy, and what it changes by reaches the floor; a
+//! sliding wheel gets μ·N (C.-A. de Coulomb), so all of the swing turns the wheel. Between the two lies the platform's mass over the
+//! wheels': no mass, friction or slope need be known. What a law of torque asks for swings by a part of itself for this
+//! (`controllers/torque_law.rs`); where nothing swings nothing is told.
+
+use super::sliding::Slide;
+use crate::decay::Decay;
+use crate::signals::MAX_WHEELS;
+
+/// What swings is what passes both low-passes, the second one taken off, 1/s: about the rate at which laws ask, and below that at
+/// which the softest tread lets a gripping wheel turn alone (three times the root of 1e5 N/m over 2 kg).
+const FAST_1_S: f64 = 150.0;
+const SLOW_1_S: f64 = 60.0;
+/// For how long the squares are averaged, 1/s: half of one swing.
+const AVERAGED_1_S: f64 = 30.0;
+/// A wheel turns alone where less than this part of a swing reaches the floor: nearly all does where it grips, next to nothing where not.
+const REACHES: f64 = 0.6;
+/// For how long, s.
+const LASTING_S: f64 = 0.01;
+/// A swing that tells something, over the least load of a wheel.
+const LEAST_SHARE: f64 = 1.5e-3;
+/// What forces leave unexplained of a rim's gain is forgotten by this rate while it grips, 1/s: the watch takes that long to tell.
+const FORGOTTEN_1_S: f64 = 10.0;
+
+/// What swings, and the mean of its square.
+#[derive(Clone, Copy, Debug, Default)]
+struct Swings {
+    fast: f64,
+    slow: f64,
+    square: f64,
+}
+
+impl Swings {
+    fn take(&mut self, value: f64, [fast, slow, averaged]: [f64; 3]) {
+        self.fast = fast * self.fast + (1.0 - fast) * value;
+        self.slow = slow * self.slow + (1.0 - slow) * self.fast;
+        let swing = self.fast - self.slow;
+        self.square = averaged * self.square + (1.0 - averaged) * swing * swing;
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Wheel {
+    motor: Swings,
+    floor: Swings,
+    since_s: f64,
+    is_told: bool,
+}
+
+/// The watch.
+#[derive(Clone, Debug)]
+pub(super) struct Alone {
+    fast: Decay,
+    slow: Decay,
+    averaged: Decay,
+    forgotten: Decay,
+    /// The square of a swing that says nothing, N².
+    least: f64,
+    wheels: [Wheel; MAX_WHEELS],
+    /// By how much the rims gained more than forces explain, in body axes, m/s.
+    ahead_m_s: [f64; 2],
+}
+
+impl Alone {
+    /// Of wheels that each bear so much at least, N.
+    pub(super) fn new(load_n: f64) -> Self {
+        Alone {
+            fast: Decay::new(FAST_1_S),
+            slow: Decay::new(SLOW_1_S),
+            averaged: Decay::new(AVERAGED_1_S),
+            forgotten: Decay::new(FORGOTTEN_1_S),
+            least: (LEAST_SHARE * load_n).powi(2),
+            wheels: [Wheel::default(); MAX_WHEELS],
+            ahead_m_s: [0.0; 2],
+        }
+    }
+
+    /// Nothing is known of what was before.
+    pub(super) fn forget(&mut self) {
+        (self.wheels, self.ahead_m_s) = ([Wheel::default(); MAX_WHEELS], [0.0; 2]);
+    }
+
+    /// Takes in by how much more the rims gain than forces give the platform, in body axes that turn so fast, m/s² and rad/s.
+    pub(super) fn gain(&mut self, more_m_s2: [f64; 2], turn_rad_s: f64, span_s: f64) {
+        let any_slides = self.wheels.iter().any(|wheel| wheel.is_told);
+        let keep = if any_slides { 1.0 } else { self.forgotten.kept(span_s) };
+        let [x, y] = self.ahead_m_s;
+        let turned = span_s * turn_rad_s;
+        let carried = [x + turned * y, y - turned * x];
+        self.ahead_m_s = std::array::from_fn(|axis| keep * carried[axis] + span_s * more_m_s2[axis]);
+        if !self.ahead_m_s.iter().all(|ahead_m_s| ahead_m_s.is_finite()) {
+            self.forget();
+        }
+    }
+
+    /// The slide of a wheel whose rim goes by a twist as its row says, whose motor pushes its rim so, and the rim the floor, N.
+    pub(super) fn look(
+        &mut self,
+        wheel: usize,
+        row: &[f64; 3],
+        motor_n: f64,
+        floor_n: f64,
+        span_s: f64,
+    ) -> Option<Slide> {
+        let kept = [self.fast.kept(span_s), self.slow.kept(span_s), self.averaged.kept(span_s)];
+        let Wheel { motor, floor, since_s, is_told } = &mut self.wheels[wheel];
+        motor.take(motor_n, kept);
+        floor.take(floor_n, kept);
+        let is_alone = motor.square > self.least && floor.square < REACHES * REACHES * motor.square;
+        *since_s = if is_alone { *since_s + span_s } else { 0.0 };
+        let was_told = std::mem::replace(is_told, *since_s >= LASTING_S);
+        if !*is_told {
+            return None;
+        }
+        let [x, y] = self.ahead_m_s;
+        let ahead_m_s = (motor_n.signum() * (row[0] * x + row[1] * y)).max(0.0);
+        // Until it was told it came to that speed from none.
+        let lasted_s = if was_told { span_s } else { 0.5 / FORGOTTEN_1_S };
+        Some(Slide { ahead_m_s: ahead_m_s.copysign(motor_n), step_m: lasted_s * ahead_m_s })
+    }
+}
