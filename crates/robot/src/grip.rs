@@ -395,10 +395,12 @@ impl Grip {
             wheel.slide = slide.filter(|_| wheel.force_n * pushes_n[at].signum() > LEAST_N);
         }
         let shown = self.pushed(motion, &pushes_n[..count]);
-        self.alone.gain(self.unexplained(motion, &shown), motion.turn_rad_s, span_s);
+        for (at, (wheel, push_n)) in self.wheels.iter().zip(pushes_n).enumerate().take(count) {
+            self.alone.take(at, wheel.force_n, push_n, span_s);
+        }
+        self.alone.look(self.unexplained(motion, &shown), motion.turn_rad_s, span_s);
         for (at, (wheel, row)) in self.wheels.iter_mut().zip(self.kinematics.matrix()).enumerate() {
-            let slide = self.alone.look(at, row, wheel.force_n, pushes_n[at], span_s);
-            wheel.slide = wheel.slide.or(slide);
+            wheel.slide = wheel.slide.or(self.alone.slide(at, row, wheel.force_n, span_s));
         }
         let told = self.steady.look(&shown, span_s);
         let is_told = told.is_some();

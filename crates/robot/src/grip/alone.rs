@@ -13,10 +13,17 @@ use crate::signals::MAX_WHEELS;
 /// which the softest tread lets a gripping wheel turn alone (three times the root of 1e5 N/m over 2 kg).
 const FAST_1_S: f64 = 150.0;
 const SLOW_1_S: f64 = 60.0;
-/// For how long the squares are averaged, 1/s: half of one swing.
-const AVERAGED_1_S: f64 = 30.0;
+/// How fast the mean of squares follows, 1/s: no slower than what a step leaves behind is forgotten.
+const AVERAGED_1_S: f64 = 120.0;
 /// A wheel turns alone where less than this part of a swing reaches the floor: nearly all does where it grips, next to nothing where not.
 const REACHES: f64 = 0.6;
+/// Only of a swing that is at least this part of the greatest of all wheels': all of them together accelerate a gripping rim so little that
+/// what that takes of a greater one is far less than the rest.
+const PART: f64 = 0.3;
+/// What gets less than this part of what it got a moment before grips, or is let go.
+const STILL_GIVEN: f64 = 0.5;
+/// Slower than this no slide is taken to be, m/s: how heavy the platform is may not be known.
+const LEAST_M_S: f64 = 0.02;
 /// For how long, s.
 const LASTING_S: f64 = 0.01;
 /// A swing that tells something, over the least load of a wheel.
@@ -45,8 +52,9 @@ impl Swings {
 struct Wheel {
     motor: Swings,
     floor: Swings,
+    /// For how long it turns alone, s, and whether it was told to the cycle before.
     since_s: f64,
-    is_told: bool,
+    was_told: bool,
 }
 
 /// The watch.
@@ -82,42 +90,45 @@ impl Alone {
         (self.wheels, self.ahead_m_s) = ([Wheel::default(); MAX_WHEELS], [0.0; 2]);
     }
 
-    /// Takes in by how much more the rims gain than forces give the platform, in body axes that turn so fast, m/s² and rad/s.
-    pub(super) fn gain(&mut self, more_m_s2: [f64; 2], turn_rad_s: f64, span_s: f64) {
-        let any_slides = self.wheels.iter().any(|wheel| wheel.is_told);
+    /// Takes in what a wheel's motor pushes its rim with, and the rim the floor, N.
+    pub(super) fn take(&mut self, wheel: usize, motor_n: f64, floor_n: f64, span_s: f64) {
+        let kept = [self.fast.kept(span_s), self.slow.kept(span_s), self.averaged.kept(span_s)];
+        let Wheel { motor, floor, .. } = &mut self.wheels[wheel];
+        motor.take(motor_n, kept);
+        floor.take(floor_n, kept);
+    }
+
+    /// Which wheels turn alone, and how far their rims are ahead: they gain so much more than forces give the platform, in body axes that
+    /// turn so fast, m/s² and rad/s.
+    pub(super) fn look(&mut self, more_m_s2: [f64; 2], turn_rad_s: f64, span_s: f64) {
+        let greatest = self.wheels.iter().fold(0.0, |most: f64, wheel| most.max(wheel.motor.square));
+        let least = self.least.max(PART * PART * greatest);
+        for wheel in &mut self.wheels {
+            let Wheel { motor, floor, since_s, .. } = *wheel;
+            let is_given = floor.fast * floor.slow > STILL_GIVEN * floor.slow * floor.slow;
+            let is_alone = is_given && motor.square > least && floor.square < REACHES * REACHES * motor.square;
+            wheel.was_told = since_s >= LASTING_S;
+            wheel.since_s = if is_alone { since_s + span_s } else { 0.0 };
+        }
+        let any_slides = self.wheels.iter().any(|wheel| wheel.since_s >= LASTING_S);
         let keep = if any_slides { 1.0 } else { self.forgotten.kept(span_s) };
         let [x, y] = self.ahead_m_s;
         let turned = span_s * turn_rad_s;
         let carried = [x + turned * y, y - turned * x];
         self.ahead_m_s = std::array::from_fn(|axis| keep * carried[axis] + span_s * more_m_s2[axis]);
-        if !self.ahead_m_s.iter().all(|ahead_m_s| ahead_m_s.is_finite()) {
+        if !self.ahead_m_s.iter().sum::<f64>().is_finite() {
             self.forget();
         }
     }
 
-    /// The slide of a wheel whose rim goes by a twist as its row says, whose motor pushes its rim so, and the rim the floor, N.
-    pub(super) fn look(
-        &mut self,
-        wheel: usize,
-        row: &[f64; 3],
-        motor_n: f64,
-        floor_n: f64,
-        span_s: f64,
-    ) -> Option<Slide> {
-        let kept = [self.fast.kept(span_s), self.slow.kept(span_s), self.averaged.kept(span_s)];
-        let Wheel { motor, floor, since_s, is_told } = &mut self.wheels[wheel];
-        motor.take(motor_n, kept);
-        floor.take(floor_n, kept);
-        let is_alone = motor.square > self.least && floor.square < REACHES * REACHES * motor.square;
-        *since_s = if is_alone { *since_s + span_s } else { 0.0 };
-        let was_told = std::mem::replace(is_told, *since_s >= LASTING_S);
-        if !*is_told {
-            return None;
-        }
+    /// The slide of a wheel that turns alone, whose rim goes by a twist as its row says.
+    pub(super) fn slide(&self, wheel: usize, row: &[f64; 3], motor_n: f64, span_s: f64) -> Option<Slide> {
+        let Wheel { since_s, was_told, .. } = self.wheels[wheel];
         let [x, y] = self.ahead_m_s;
-        let ahead_m_s = (motor_n.signum() * (row[0] * x + row[1] * y)).max(0.0);
+        let ahead_m_s = (motor_n.signum() * (row[0] * x + row[1] * y)).max(LEAST_M_S);
         // Until it was told it came to that speed from none.
         let lasted_s = if was_told { span_s } else { 0.5 / FORGOTTEN_1_S };
-        Some(Slide { ahead_m_s: ahead_m_s.copysign(motor_n), step_m: lasted_s * ahead_m_s })
+        let slide = Slide { ahead_m_s: ahead_m_s.copysign(motor_n), step_m: lasted_s * ahead_m_s };
+        (since_s >= LASTING_S).then_some(slide)
     }
 }
