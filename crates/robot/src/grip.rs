@@ -153,6 +153,15 @@ impl FirstEstimates {
     }
 }
 
+/// How the platform is meant to move.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wished {
+    /// The setpoint's acceleration over the floor, in body axes.
+    pub(crate) acceleration: [f64; 3],
+    /// Whether torques are commanded.
+    pub(crate) by_torque: bool,
+}
+
 /// What is known of one wheel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Wheel {
@@ -223,15 +232,14 @@ impl Grip {
         }
     }
 
-    /// Takes in a cycle; `turn_rad_s` by a gyro where there is one, `wished` is the setpoint's
-    /// acceleration over the floor in body axes where the platform is meant to move.
+    /// Takes in a cycle; `turn_rad_s` by a gyro where there is one, and what is wished where the platform is meant to move.
     pub(crate) fn look(
         &mut self,
         time: &CycleTime,
         exchange: Exchange,
         measurements: &Measurements,
         turn_rad_s: Option<f64>,
-        wished: Option<[f64; 3]>,
+        wished: Option<Wished>,
     ) -> GripReport {
         self.periods = self.periods.saturating_add(1);
         self.wheels.iter_mut().for_each(|wheel| wheel.way_before_m = wheel.way_m);
@@ -292,7 +300,7 @@ impl Grip {
         measurements: &Measurements,
         span_s: f64,
         is_whole: bool,
-        wished: Option<[f64; 3]>,
+        wished: Option<Wished>,
     ) {
         let present = measurements.present();
         let count = present.len().min(self.kinematics.wheel_count());
@@ -375,7 +383,7 @@ impl Grip {
 
     /// Which wheels' forces stay where they should follow the setpoint's acceleration, or are less than the least that it can weigh
     /// asks for.
-    fn slide(&mut self, wished: Option<[f64; 3]>, motion: &Motion, span_s: f64) {
+    fn slide(&mut self, wished: Option<Wished>, motion: &Motion, span_s: f64) {
         let Some(wished) = wished else {
             self.sliding.forget();
             self.steady.forget();
@@ -388,19 +396,16 @@ impl Grip {
         for (push_n, wheel) in pushes_n.iter_mut().zip(&self.wheels).take(count) {
             *push_n = wheel.force_n - self.wheel_kg * wheel.gains_m_s2;
         }
-        let change = self.sliding.change(wished, motion.acceleration, span_s);
+        let change = self.sliding.change(wished.acceleration, motion.acceleration, span_s);
         for (at, wheel) in self.wheels.iter_mut().enumerate().take(count) {
             let slide = self.sliding.look(at, &change, wheel.rim_m_s, pushes_n[at], span_s);
             // What the floor turns by itself is no slide: a motor that pushes the other way, or not at all, makes none.
             wheel.slide = slide.filter(|_| wheel.force_n * pushes_n[at].signum() > LEAST_N);
         }
         let shown = self.pushed(motion, &pushes_n[..count]);
-        for (at, (wheel, push_n)) in self.wheels.iter().zip(pushes_n).enumerate().take(count) {
-            self.alone.take(at, wheel.force_n, push_n, span_s);
-        }
-        self.alone.look(self.unexplained(motion, &shown), motion.turn_rad_s, span_s);
-        for (at, (wheel, row)) in self.wheels.iter_mut().zip(self.kinematics.matrix()).enumerate() {
-            wheel.slide = wheel.slide.or(self.alone.slide(at, row, wheel.force_n, span_s));
+        // A drive that holds a speed gives whatever that takes.
+        if wished.by_torque {
+            self.ask(motion, &shown, &pushes_n, span_s);
         }
         let told = self.steady.look(&shown, span_s);
         let is_told = told.is_some();
@@ -416,6 +421,18 @@ impl Grip {
                 None if is_told => wheel.slide = slides.of_wheel(row, push_n, greatest_n),
                 None => {}
             }
+        }
+    }
+
+    /// Which wheels turn alone.
+    fn ask(&mut self, motion: &Motion, shown: &Shown, pushes_n: &[f64; MAX_WHEELS], span_s: f64) {
+        let more_m_s2 = self.unexplained(motion, shown);
+        for (at, (wheel, push_n)) in self.wheels.iter().zip(pushes_n).enumerate() {
+            self.alone.take(at, wheel.force_n, *push_n, span_s);
+        }
+        self.alone.look(more_m_s2, motion.turn_rad_s, span_s);
+        for (at, (wheel, row)) in self.wheels.iter_mut().zip(self.kinematics.matrix()).enumerate() {
+            wheel.slide = wheel.slide.or(self.alone.slide(at, row, wheel.force_n, span_s));
         }
     }
 

@@ -83,8 +83,8 @@ pub struct Slid {
     pub torque_nm: f64,
     /// Why it stopped, where it did.
     pub stopped: SafetyReason,
-    /// How far the truth was off then, m.
-    pub off_at_stop_m: f64,
+    /// How far truth and belief were apart at the end, m.
+    pub apart_m: f64,
     /// The floor's friction as it was found.
     pub friction: Option<f64>,
 }
@@ -259,6 +259,7 @@ impl Slid {
             slid.friction = record.grip.friction;
         });
         slid.spun = spin.longest;
+        slid.apart_m = trial.robot.record().state.odom_from_body.distance_m(trial.measured_pose());
         slid.torque_nm = machine.lock().greatest_torques_n_m().iter().fold(0.0, |a, b| a.max(*b));
         slid
     }

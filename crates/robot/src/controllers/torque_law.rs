@@ -31,16 +31,6 @@ use crate::swing::{NOISE_OF_RATED, Swing, taken};
 /// So many half swings of what it commands, and its gains are those for all treads: before the stop for a torque that swings.
 const HALF_SWINGS: u32 = 3;
 
-/// What is fed forward swings by this part of itself, once in so many ns (16 Hz: slower than what swings by itself is stopped for): the
-/// watch of slip sees by it which wheels carry the platform (`grip/alone.rs`). It moves a gripping platform by 10 um, and no feedback.
-const ASKS_SHARE: f64 = 0.05;
-const ASKS_NS: u64 = 62_500_000;
-
-/// By what factor it is fed forward at a moment.
-fn asked(now_ns: u64) -> f64 {
-    1.0 + ASKS_SHARE * (std::f64::consts::TAU * (now_ns % ASKS_NS) as f64 / ASKS_NS as f64).sin()
-}
-
 /// The keys that all of them read.
 pub(super) fn keys() -> impl Iterator<Item = Key> {
     let gains = ["torque_kp_1_s", "damping_n_s_m", "turn_damping_n_m_s_rad", "torque_filter_1_s"];
@@ -252,8 +242,7 @@ impl<F: ForceBeside> Controller for TorqueLaw<F> {
         let fed: [f64; 3] =
             std::array::from_fn(|axis| moved[axis] + spin_n * spin[axis] + roller_n * roller[axis]);
         let Wrench2 { fx_n, fy_n, torque_nm } = wrench(force).rotated(-heading_rad);
-        let asks = if setpoint.status == ReferenceStatus::Moving { asked(time.now_ns) } else { 1.0 };
-        let whole = Wrench2::new(fx_n + asks * fed[0], fy_n + asks * fed[1], torque_nm + asks * fed[2]);
+        let whole = Wrench2::new(fx_n + fed[0], fy_n + fed[1], torque_nm + fed[2]);
         let torques = self.kinematics.wheel_torques_nm(whole);
         let commands = saturated(Quantity::Torque, &torques, self.limits.wheel_torque_nm);
         self.watch(&commands, time);
