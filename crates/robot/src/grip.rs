@@ -295,13 +295,7 @@ impl Grip {
     }
 
     /// Compares v̂ with what the wheels show, and learns by the way.
-    fn compare(
-        &mut self,
-        measurements: &Measurements,
-        span_s: f64,
-        is_whole: bool,
-        wished: Option<Wished>,
-    ) {
+    fn compare(&mut self, measurements: &Measurements, span_s: f64, is_whole: bool, wished: Option<Wished>) {
         let present = measurements.present();
         let count = present.len().min(self.kinematics.wheel_count());
         let keep = if self.body.is_some() { self.filter.kept(span_s) } else { 0.0 };

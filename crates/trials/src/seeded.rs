@@ -351,7 +351,8 @@ impl Seeded {
             for (way_m, wheel) in ways_m.iter_mut().zip(machine.body().wheels()) {
                 *way_m += period_s * (wheel.slip_m_s.abs() - *way_m / LATELY_S);
             }
-            let slides = |wheel: &WheelState| wheel.grip == Grip::Sliding && wheel.slip_m_s.abs() > SLIDES_M_S;
+            let slides =
+                |wheel: &WheelState| wheel.grip == Grip::Sliding && wheel.slip_m_s.abs() > SLIDES_M_S;
             grips_s = if machine.body().wheels().iter().any(slides) { 0.0 } else { grips_s + period_s };
             if cycle.is_multiple_of(cycles_a_ms) {
                 for (swing, motor) in swings.iter_mut().zip(machine.motors()) {

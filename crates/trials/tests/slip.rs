@@ -15,9 +15,8 @@ fn case(robot: &'static str, law: &'static str, path: &'static str) -> Case {
 
 /// Told within 50 ms of the beginning of a slip of more than 10 mm, if it became one, and stopped by its name within 50 mm of the truth.
 fn is_caught(slid: &Slid) -> bool {
-    let in_time = slid
-        .told
-        .is_some_and(|(told, _)| slid.began.is_none_or(|began| told.saturating_sub(began) <= 50));
+    let in_time =
+        slid.told.is_some_and(|(told, _)| slid.began.is_none_or(|began| told.saturating_sub(began) <= 50));
     in_time && slid.stopped == SafetyReason::WheelSlip && slid.run.true_final_m <= 0.05
 }
 

@@ -106,7 +106,8 @@ impl Alone {
         for wheel in &mut self.wheels {
             let Wheel { motor, floor, since_s, .. } = *wheel;
             let is_given = floor.fast * floor.slow > STILL_GIVEN * floor.slow * floor.slow;
-            let is_alone = is_given && motor.square > least && floor.square < REACHES * REACHES * motor.square;
+            let is_alone =
+                is_given && motor.square > least && floor.square < REACHES * REACHES * motor.square;
             wheel.was_told = since_s >= LASTING_S;
             wheel.since_s = if is_alone { since_s + span_s } else { 0.0 };
         }
