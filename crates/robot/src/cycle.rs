@@ -13,7 +13,7 @@ use crate::blind_ramp::BlindRamp;
 use crate::config::{Problem, RobotPlan, SafetyPlan};
 use crate::devices::mode_of;
 use crate::drive_modes::DriveModes;
-use crate::grip::Grip;
+use crate::grip::{Grip, Wished};
 use crate::guard::{Guard, MAX_OBSTACLES, Obstacle};
 use crate::image::{ImageBuffer, ProcessImage};
 use crate::joystick_shape::JoystickShape;
@@ -268,7 +268,9 @@ impl Robot {
             && record.setpoint.status == ReferenceStatus::Moving;
         let wished = drives.then(|| {
             let heading_rad = record.setpoint.odom_from_body.heading_rad;
-            omnibase_platform::axes(&record.setpoint.acceleration_in_odom.rotated(-heading_rad))
+            let acceleration = record.setpoint.acceleration_in_odom.rotated(-heading_rad);
+            let by_torque = record.allowed.commands.quantity == Quantity::Torque;
+            Wished { acceleration: omnibase_platform::axes(&acceleration), by_torque }
         });
         let turn_rad_s = self.safety_plan.gyro_input.and_then(|input| record.signals.believed(input));
         let turn_rad_s = turn_rad_s.filter(|turn_rad_s| turn_rad_s.is_finite());

@@ -6,6 +6,7 @@
 //! slope's force is learnt, and is among those of v̂. How far ahead counts depends on how well mass and friction are known by then. A
 //! gyro's turn is v̂'s. Of more than three wheels those that run ahead of what all of them show together slip as well.
 
+mod alone;
 pub(crate) mod equation;
 pub(crate) mod friction;
 mod identification;
@@ -18,6 +19,7 @@ use omnibase_platform::{Kinematics, PerWheel, Wrench2, axes};
 use crate::config::{ControllerTable, ESTIMATE_BOUNDS, RobotPlan, find_object, wheel_kg};
 use crate::decay::Decay;
 use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
+use alone::Alone;
 use friction::{DRY_M_S, WheelFriction};
 use identification::{Identification, Motion, Watched};
 use loads::Loads;
@@ -79,6 +81,7 @@ pub(crate) struct Grip {
     identification: Identification,
     sliding: Sliding,
     steady: Steady,
+    alone: Alone,
     filter: Decay,
     drawn: Decay,
     /// Whether every drive tells its torque: without that nothing is known.
@@ -150,6 +153,15 @@ impl FirstEstimates {
     }
 }
 
+/// How the platform is meant to move.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Wished {
+    /// The setpoint's acceleration over the floor, in body axes.
+    pub(crate) acceleration: [f64; 3],
+    /// Whether torques are commanded.
+    pub(crate) by_torque: bool,
+}
+
 /// What is known of one wheel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Wheel {
@@ -195,6 +207,7 @@ impl Grip {
             identification: Identification::new(&first, friction.lever_m()),
             sliding: Sliding::new(&plan.kinematics, &first),
             steady: Steady::new(weighed_kg.max(bounded_kg)),
+            alone: Alone::new(first.mass.1[0] * GRAVITY_M_S2 / plan.kinematics.wheel_count() as f64),
             friction,
             loads: Loads::new(&plan.kinematics),
             filter: Decay::new(FILTER_1_S),
@@ -219,15 +232,14 @@ impl Grip {
         }
     }
 
-    /// Takes in a cycle; `turn_rad_s` by a gyro where there is one, `wished` is the setpoint's
-    /// acceleration over the floor in body axes where the platform is meant to move.
+    /// Takes in a cycle; `turn_rad_s` by a gyro where there is one, and what is wished where the platform is meant to move.
     pub(crate) fn look(
         &mut self,
         time: &CycleTime,
         exchange: Exchange,
         measurements: &Measurements,
         turn_rad_s: Option<f64>,
-        wished: Option<[f64; 3]>,
+        wished: Option<Wished>,
     ) -> GripReport {
         self.periods = self.periods.saturating_add(1);
         self.wheels.iter_mut().for_each(|wheel| wheel.way_before_m = wheel.way_m);
@@ -267,6 +279,7 @@ impl Grip {
         (self.body, self.acceleration, self.sigma) = (None, [0.0; 3], [0.0; 3]);
         self.sliding.forget();
         self.steady.forget();
+        self.alone.forget();
         self.wheels = [Wheel::default(); MAX_WHEELS];
     }
 
@@ -282,13 +295,7 @@ impl Grip {
     }
 
     /// Compares v̂ with what the wheels show, and learns by the way.
-    fn compare(
-        &mut self,
-        measurements: &Measurements,
-        span_s: f64,
-        is_whole: bool,
-        wished: Option<[f64; 3]>,
-    ) {
+    fn compare(&mut self, measurements: &Measurements, span_s: f64, is_whole: bool, wished: Option<Wished>) {
         let present = measurements.present();
         let count = present.len().min(self.kinematics.wheel_count());
         let keep = if self.body.is_some() { self.filter.kept(span_s) } else { 0.0 };
@@ -370,10 +377,11 @@ impl Grip {
 
     /// Which wheels' forces stay where they should follow the setpoint's acceleration, or are less than the least that it can weigh
     /// asks for.
-    fn slide(&mut self, wished: Option<[f64; 3]>, motion: &Motion, span_s: f64) {
+    fn slide(&mut self, wished: Option<Wished>, motion: &Motion, span_s: f64) {
         let Some(wished) = wished else {
             self.sliding.forget();
             self.steady.forget();
+            self.alone.forget();
             self.wheels.iter_mut().for_each(|wheel| wheel.slide = None);
             return;
         };
@@ -382,13 +390,17 @@ impl Grip {
         for (push_n, wheel) in pushes_n.iter_mut().zip(&self.wheels).take(count) {
             *push_n = wheel.force_n - self.wheel_kg * wheel.gains_m_s2;
         }
-        let change = self.sliding.change(wished, motion.acceleration, span_s);
+        let change = self.sliding.change(wished.acceleration, motion.acceleration, span_s);
         for (at, wheel) in self.wheels.iter_mut().enumerate().take(count) {
             let slide = self.sliding.look(at, &change, wheel.rim_m_s, pushes_n[at], span_s);
             // What the floor turns by itself is no slide: a motor that pushes the other way, or not at all, makes none.
             wheel.slide = slide.filter(|_| wheel.force_n * pushes_n[at].signum() > LEAST_N);
         }
         let shown = self.pushed(motion, &pushes_n[..count]);
+        // A drive that holds a speed gives whatever that takes.
+        if wished.by_torque {
+            self.ask(motion, &shown, &pushes_n, span_s);
+        }
         let told = self.steady.look(&shown, span_s);
         let is_told = told.is_some();
         let any_slides = self.wheels.iter().any(|wheel| wheel.slide.is_some());
@@ -404,6 +416,26 @@ impl Grip {
                 None => {}
             }
         }
+    }
+
+    /// Which wheels turn alone.
+    fn ask(&mut self, motion: &Motion, shown: &Shown, pushes_n: &[f64; MAX_WHEELS], span_s: f64) {
+        let more_m_s2 = self.unexplained(motion, shown);
+        for (at, (wheel, push_n)) in self.wheels.iter().zip(pushes_n).enumerate() {
+            self.alone.take(at, wheel.force_n, *push_n, span_s);
+        }
+        self.alone.look(more_m_s2, motion.turn_rad_s, span_s);
+        for (at, (wheel, row)) in self.wheels.iter_mut().zip(self.kinematics.matrix()).enumerate() {
+            wheel.slide = wheel.slide.or(self.alone.slide(at, row, wheel.force_n, span_s));
+        }
+    }
+
+    /// By how much more the rims gain along the floor than what the wheels push gives the platform, m/s²: of one that weighs what its file
+    /// tells, for what slid since its first motion looks light.
+    fn unexplained(&self, motion: &Motion, shown: &Shown) -> [f64; 2] {
+        let mass_kg = self.identification.dynamics().mass_kg.max(self.told_kg);
+        let given_n = |axis: usize| shown.push_n[axis] + shown.slope_n[axis] - shown.friction_n[axis];
+        std::array::from_fn(|axis| motion.acceleration[axis] - given_n(axis) / mass_kg)
     }
 
     /// What the wheels push the platform with, beside how it moves by them.

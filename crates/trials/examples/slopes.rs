@@ -26,9 +26,9 @@ fn main() {
         format!("kind = \"path\"\ntiming = \"fastest\"\ncorner_m = 0.05\n{SQUARE}"),
     ];
     println!(
-        "| robot | law | slope | floor | runs | a wheel slipped | told of these | told of the others | stopped for slip | longest slip, mm | farthest off, mm | took, s |"
+        "| robot | law | slope | floor | runs | a wheel slipped | told of these | told of the others | stopped for slip | longest slip, mm | farthest off, mm | farthest from belief, mm | took, s |"
     );
-    println!("|---|---|---|---|---|---|---|---|---|---|---|---|");
+    println!("|---|---|---|---|---|---|---|---|---|---|---|---|---|");
     for (name, robot) in [("bmm", BMM), ("mecanum", MECANUM)] {
         for &law in &laws {
             for slope_rad in [0.0, 0.03, 0.04, 0.05, 0.07] {
@@ -53,7 +53,7 @@ fn shipped(robot: &str, law: &str, motion: &str) -> String {
 
 fn row(who: &[&str; 2], slope_rad: f64, floor: &str, texts: &[String], rests: u64) {
     let (mut slipped, mut told, mut falsely, mut stopped) = (0, 0, 0, 0);
-    let (mut way_m, mut off_m, mut took_s) = (0.0_f64, 0.0_f64, 0.0);
+    let (mut way_m, mut off_m, mut apart_m, mut took_s) = (0.0_f64, 0.0_f64, 0.0_f64, 0.0);
     for text in texts {
         for direction in 0..DIRECTIONS {
             let direction_rad = 0.1 + std::f64::consts::TAU * f64::from(direction) / f64::from(DIRECTIONS);
@@ -67,15 +67,17 @@ fn row(who: &[&str; 2], slope_rad: f64, floor: &str, texts: &[String], rests: u6
             stopped += u32::from(slid.stopped == SafetyReason::WheelSlip);
             way_m = way_m.max(slid.way_m);
             off_m = off_m.max(slid.run.true_final_m);
+            apart_m = apart_m.max(slid.apart_m);
             took_s += slid.run.cycles as f64 * 1e-3;
         }
     }
     let [robot, law] = who;
     let runs = texts.len() as u32 * DIRECTIONS;
     println!(
-        "| {robot} | {law} | {slope_rad:.2} | {floor} | {runs} | {slipped} | {told} | {falsely} | {stopped} | {:.1} | {:.1} | {:.1} |",
+        "| {robot} | {law} | {slope_rad:.2} | {floor} | {runs} | {slipped} | {told} | {falsely} | {stopped} | {:.1} | {:.1} | {:.1} | {:.1} |",
         1e3 * way_m,
         1e3 * off_m,
+        1e3 * apart_m,
         took_s / f64::from(runs)
     );
 }

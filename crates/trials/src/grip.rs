@@ -103,7 +103,8 @@ impl Case {
         }
     }
 
-    fn text(&self) -> String {
+    /// Its file.
+    pub fn text(&self) -> String {
         // As fast as the path asks for; what the wheels may stays.
         let faster = (SIDE_S / self.side_s).max(1.0);
         let robot = robots::BMM.replace("\nspeed_m_s = 1.0", &format!("\nspeed_m_s = {faster:?}")).replace(

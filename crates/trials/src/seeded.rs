@@ -8,7 +8,7 @@ use omnibase_robot::controllers::{Margins, Plant};
 use omnibase_robot::estimators::covariance_settings;
 use omnibase_robot::signals::{MAX_WHEELS, SafetyReason};
 use omnibase_robot::{Registry, RobotPlan};
-use omnibase_robot_sim::{MachineParameters, Tread};
+use omnibase_robot_sim::{Grip, MachineParameters, Tread, WheelState};
 
 use crate::approaches::Random;
 use crate::grip::Swing;
@@ -24,6 +24,9 @@ pub const SPINS_S: f64 = 0.05;
 const CREEPS_M: f64 = 2e-3;
 /// In this time what slipped is forgotten, s.
 const LATELY_S: f64 = 1.0;
+/// Nor what wasn't sliding, at the friction's limit and so fast, m/s, so long ago, s: a slide may be told in its first millimetre.
+const SLIDES_M_S: f64 = 0.02;
+const JUST_S: f64 = 0.05;
 /// A motor that gives less of what it promises is weak.
 const WEAK: f64 = 0.9;
 /// Farther off than this and than three standard deviations, without a stop, is lost unnoticed, m.
@@ -337,6 +340,7 @@ impl Seeded {
         let (mut rings_s, mut rang_s) = (0.0_f64, 0.0_f64);
         let mut spin = Spin::default();
         let mut ways_m = [0.0_f64; MAX_WHEELS];
+        let mut grips_s = f64::INFINITY;
         let kinematics = plan.kinematics.clone();
         let (mut cycle, mut is_told, mut is_slip_false) = (0_u64, false, false);
         let mut stopped = SafetyReason::None;
@@ -347,6 +351,9 @@ impl Seeded {
             for (way_m, wheel) in ways_m.iter_mut().zip(machine.body().wheels()) {
                 *way_m += period_s * (wheel.slip_m_s.abs() - *way_m / LATELY_S);
             }
+            let slides =
+                |wheel: &WheelState| wheel.grip == Grip::Sliding && wheel.slip_m_s.abs() > SLIDES_M_S;
+            grips_s = if machine.body().wheels().iter().any(slides) { 0.0 } else { grips_s + period_s };
             if cycle.is_multiple_of(cycles_a_ms) {
                 for (swing, motor) in swings.iter_mut().zip(machine.motors()) {
                     swing.see(motor.torque_n_m());
@@ -356,7 +363,7 @@ impl Seeded {
                 rang_s = rang_s.max(rings_s);
             }
             if record.grip.slips() && !is_told {
-                is_slip_false |= ways_m.iter().all(|way_m| *way_m < CREEPS_M);
+                is_slip_false |= grips_s > JUST_S && ways_m.iter().all(|way_m| *way_m < CREEPS_M);
             }
             is_told = record.grip.slips();
             if stopped == SafetyReason::None {

@@ -1,6 +1,6 @@
 //! Wheels that slip: when it is noticed, and where the platform is by then.
 
-use omnibase_platform::Kinematics;
+use omnibase_platform::{Kinematics, Pose2};
 use omnibase_robot::signals::{MAX_WHEELS, SafetyReason, Setpoint};
 use omnibase_robot_sim::{Body, MachineParameters, Mechanics};
 use omnibase_run::simulated;
@@ -83,8 +83,8 @@ pub struct Slid {
     pub torque_nm: f64,
     /// Why it stopped, where it did.
     pub stopped: SafetyReason,
-    /// How far the truth was off then, m.
-    pub off_at_stop_m: f64,
+    /// How far truth and belief were apart where its motion ended, m.
+    pub apart_m: f64,
     /// The floor's friction as it was found.
     pub friction: Option<f64>,
 }
@@ -257,6 +257,9 @@ impl Slid {
                 slid.stopped = record.stop_reason;
             }
             slid.friction = record.grip.friction;
+            let pose = machine.truth().pose;
+            let truth = Pose2 { x_m: pose.x_m, y_m: pose.y_m, heading_rad: pose.heading_rad };
+            slid.apart_m = record.state.odom_from_body.distance_m(truth);
         });
         slid.spun = spin.longest;
         slid.torque_nm = machine.lock().greatest_torques_n_m().iter().fold(0.0, |a, b| a.max(*b));

@@ -37,3 +37,14 @@ fn a_path_that_waits_for_the_traction_makes_no_torque_swing() {
 fn a_setpoint_that_lags_on_a_slippery_floor_makes_no_torque_swing() {
     none_is(Wrong::LimitCycle, &[2269, 62861]);
 }
+
+#[test]
+fn an_observers_robot_on_a_slippery_floor_is_where_it_believes_to_be_or_is_stopped() {
+    // Floors of 0.12 to 0.16: 60 to 88 mm off, without a word.
+    for seed in [20, 78, 144, 158] {
+        let seeded = Seeded::by(seed, "disturbance_observer");
+        let outcome = seeded.ride();
+        println!("{}: {}", seeded.row(), outcome.row());
+        assert!(!outcome.is(Wrong::Lost), "{}: {}", seeded.row(), outcome.row());
+    }
+}

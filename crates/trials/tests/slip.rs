@@ -2,20 +2,21 @@
 
 use omnibase_robot::signals::SafetyReason;
 use omnibase_trials::fast;
+use omnibase_trials::laws::OF_TORQUE;
 use omnibase_trials::robots::{BMM, MECANUM};
 use omnibase_trials::slip::{Case, Slid};
 
-const LAWS: [&str; 3] = ["open_loop", "closed_loop_speed", "adaptive_torque"];
+const LAWS: [&str; 4] = ["open_loop", "closed_loop_speed", "adaptive_torque", "disturbance_observer"];
 
 fn case(robot: &'static str, law: &'static str, path: &'static str) -> Case {
     let (faster, friction, payload_kg, off_centre_m) = (1.0, 0.5, 0.0, 0.0);
     Case { robot, law, path, faster, friction, payload_kg, off_centre_m, gyro: false, more: String::new() }
 }
 
-/// Told within 50 ms, and stopped by its name within 50 mm of the truth.
+/// Told within 50 ms of the beginning of a slip of more than 10 mm, if it became one, and stopped by its name within 50 mm of the truth.
 fn is_caught(slid: &Slid) -> bool {
     let in_time =
-        slid.began.zip(slid.told).is_some_and(|(began, (told, _))| told.saturating_sub(began) <= 50);
+        slid.told.is_some_and(|(told, _)| slid.began.is_none_or(|began| told.saturating_sub(began) <= 50));
     in_time && slid.stopped == SafetyReason::WheelSlip && slid.run.true_final_m <= 0.05
 }
 
@@ -45,7 +46,7 @@ fn a_slippery_patch_under_the_circle_stops_the_robot() {
     // As wide as the robot, under the second quarter of the circle.
     let more = "\n[[simulation.patch]]\ncentre_m = [0.5, 0.5]\nradius_m = 0.6\nstatic_friction = 0.08\n";
     // By speed a wheel slips so slowly there that its torque looks like a slope's: it takes a gyro.
-    let without = [("adaptive_torque", false)];
+    let without = OF_TORQUE.map(|law| (law, false));
     for (law, gyro) in LAWS.map(|law| (law, true)).into_iter().chain(without) {
         let case = Case { gyro, more: more.to_owned(), ..case(BMM, law, "circle") };
         let slid = case.ride();
@@ -235,14 +236,14 @@ fn a_floor_that_has_half_of_what_was_told_is_not_forgotten_before_it_is_felt_aga
 }
 
 #[test]
-fn wheels_of_four_that_contradict_each_other_slip() {
-    // By torque two of them run ahead of the other two: 0.12 and 0.16 m off, the first without a word, where only forces tell.
+fn wheels_of_four_that_run_ahead_of_the_others_slip() {
+    // By torque two of them do: 0.12 and 0.16 m off, the first without a word, where only forces tell.
     for name in ["circle", "eight"] {
         let law = "adaptive_torque";
         let slid = fast::Case { law, ..on_less(MECANUM, name, [0.25, 0.2]) }.ride();
         println!("{name}: {slid:?}");
-        assert_eq!(slid.stopped, SafetyReason::WheelSlip, "{name}: {}", slid.end());
-        assert!(slid.run.true_final_m < 0.05, "{name}: {slid:?}");
+        assert!(slid.told.is_some() && slid.run.finished, "{name}: {}", slid.end());
+        assert!(slid.run.true_final_m < 0.015, "{name}: {slid:?}");
     }
 }
 
@@ -291,4 +292,35 @@ fn what_slid_before_a_word_of_it_stops_the_robot_with_the_word() {
     println!("{slid:?}");
     assert_eq!(slid.stopped, SafetyReason::WheelSlip);
     assert!(slid.run.cycles < 2100, "{slid:?}");
+}
+
+#[test]
+fn by_torque_a_floor_that_has_less_than_was_told_is_told_in_the_first_millimetres() {
+    // 71 to 785 mm off where a wheel that turns alone isn't told: the floor gives what a lighter platform would need.
+    for robot in [BMM, MECANUM] {
+        for law in OF_TORQUE {
+            for (name, _) in fast::MOTIONS {
+                let slid = fast::Case { law, ..on_less(robot, name, [0.35, 0.3]) }.ride();
+                println!("{law}, {name}: {slid:?}");
+                let (_, way_m) = slid.told.expect("slip is told");
+                assert!(way_m < 0.005 && slid.run.finished, "{law}, {name}: {}: {slid:?}", slid.end());
+                assert!(slid.run.true_final_m < 0.01, "{law}, {name}: {slid:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn by_torque_half_of_the_friction_that_was_told_is_told_on_a_slope_too() {
+    for law in OF_TORQUE {
+        for name in ["square", "circle", "eight"] {
+            for direction_rad in [0.1, 1.7, 3.2, 4.8] {
+                let level = fast::Case { law, ..on_less(BMM, name, [0.25, 0.2]) };
+                let slid = Slid::of_rested(&on_a_slope(&level.text(), 0.05, direction_rad), 300);
+                println!("{law}, {name}, {direction_rad}: {slid:?}");
+                // Uphill some are stopped for a path that they can't keep to: they are where they believe to be.
+                assert!(slid.told.is_some() && slid.apart_m < 0.05, "{law}, {name}: {slid:?}");
+            }
+        }
+    }
 }

@@ -102,3 +102,28 @@ fn a_robot_drives_around_walls_and_around_what_comes_and_says_why_it_gives_up() 
         "{refused}"
     );
 }
+
+/// Robot's answers to a drive that it refuses: nothing begins later, and what was under way goes on.
+#[test]
+fn a_drive_that_is_refused_begins_nothing_and_ends_nothing() {
+    let robot = Robot::start(&["--circle", "radius_m=0.5,duration_s=60,turns=4"]);
+    assert_eq!(robot.call(&json!({ "do": "enable" })).1["done"], true);
+    drive(&robot, [1.0, 0.0, 0.0]);
+    assert_eq!(ended(&robot)["text"], "there");
+    // Where it stands there is nothing to drive, and no drive.
+    let here = robot.read("now")["values"].clone();
+    let pose = ["x_m", "y_m", "heading_rad"].map(|name| here[format!("setpoint/pose_{name}")].clone());
+    let said = robot.call(&json!({ "do": "drive_to", "pose": pose })).1;
+    assert_eq!((&said["done"], &said["text"]), (&json!(true), &json!("it stands there already")), "{said}");
+    // Slowly from rest: it goes, at the time that it takes at that speed.
+    assert_eq!(robot.call(&json!({ "do": "set", "values": { "speed_factor": 0.15 } })).1["done"], true);
+    drive(&robot, [1.2, 0.0, 0.0]);
+    robot.wait("it is on its way", |robot| robot.speed_m_s() > 0.01);
+    // What can't be planned leaves the drive before under way.
+    let refused = robot.call(&json!({ "do": "drive_to", "pose": [9000.0, 9000.0, 0.0] })).1;
+    assert_eq!(refused["done"], false, "{refused}");
+    assert_eq!(way(&robot)["under_way"], true, "{}", way(&robot));
+    assert_eq!(ended(&robot)["text"], "there");
+    let x_m = robot.value("setpoint/pose_x_m");
+    assert!((x_m - 1.2).abs() < 0.01, "{x_m} m");
+}

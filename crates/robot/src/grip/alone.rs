@@ -1,0 +1,215 @@
+//! Wheels that turn alone: their rims answer their motors as a wheel does that carries no platform.
+//!
+//! A motor's force that swings moves a gripping rim as little as the platform is heavy, and what it changes by reaches the floor; a
+//! sliding wheel gets μ·N (C.-A. de Coulomb), so all of the swing turns the wheel. Between the two lies the platform's mass over the
+//! wheels': no mass, friction or slope need be known. A law of torque swings by itself where it answers to wheels that slide, and where a
+//! motion begins; a drive that holds a speed gives whatever that takes, and tells nothing so.
+
+use super::sliding::Slide;
+use crate::decay::Decay;
+use crate::signals::MAX_WHEELS;
+
+/// What swings is what passes a low-pass, a slower one taken off, 1/s: faster than motions change, slower than the softest tread lets a
+/// gripping wheel turn alone (the root of 3·1e5 N/m over 2 kg).
+const FAST_1_S: f64 = 150.0;
+const SLOW_1_S: f64 = 60.0;
+/// How fast the mean of squares follows, 1/s: no slower than what a step leaves behind is forgotten.
+const AVERAGED_1_S: f64 = 120.0;
+/// A wheel turns alone where less than this part of a swing reaches the floor: nearly all does where it grips, next to nothing where not.
+const REACHES: f64 = 0.6;
+/// Only of a swing that is at least this part of the greatest of all wheels': all of them together accelerate a gripping rim so little that
+/// what that takes of a greater one is far less than the rest.
+const PART: f64 = 0.3;
+/// What gets less than this part of what it got a moment before grips, or is let go.
+const STILL_GIVEN: f64 = 0.5;
+/// Slower than this no slide is taken to be, m/s: how heavy the platform is may not be known.
+const LEAST_M_S: f64 = 0.02;
+/// For how long, s: a wheel that rings on a soft tread after a jerk looks so for 8 ms.
+const LASTING_S: f64 = 0.015;
+/// A swing that tells something, over the least load of a wheel.
+const LEAST_SHARE: f64 = 1.5e-3;
+/// What forces leave unexplained of a rim's gain is forgotten by this rate while it grips, 1/s: the watch takes that long to tell.
+const FORGOTTEN_1_S: f64 = 10.0;
+
+/// What swings, and the mean of its square.
+#[derive(Clone, Copy, Debug, Default)]
+struct Swings {
+    fast: f64,
+    slow: f64,
+    square: f64,
+}
+
+impl Swings {
+    fn take(&mut self, value: f64, [fast, slow, averaged]: [f64; 3]) {
+        self.fast = fast * self.fast + (1.0 - fast) * value;
+        self.slow = slow * self.slow + (1.0 - slow) * self.fast;
+        let swing = self.fast - self.slow;
+        self.square = averaged * self.square + (1.0 - averaged) * swing * swing;
+    }
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Wheel {
+    motor: Swings,
+    floor: Swings,
+    /// For how long it turns alone, s, and whether it was told to the cycle before.
+    since_s: f64,
+    was_told: bool,
+}
+
+/// The watch.
+#[derive(Clone, Debug)]
+pub(super) struct Alone {
+    fast: Decay,
+    slow: Decay,
+    averaged: Decay,
+    forgotten: Decay,
+    /// The square of a swing that says nothing, N².
+    least: f64,
+    wheels: [Wheel; MAX_WHEELS],
+    /// By how much the rims gained more than forces explain, in body axes, m/s.
+    ahead_m_s: [f64; 2],
+}
+
+impl Alone {
+    /// Of wheels that each bear so much at least, N.
+    pub(super) fn new(load_n: f64) -> Self {
+        Alone {
+            fast: Decay::new(FAST_1_S),
+            slow: Decay::new(SLOW_1_S),
+            averaged: Decay::new(AVERAGED_1_S),
+            forgotten: Decay::new(FORGOTTEN_1_S),
+            least: (LEAST_SHARE * load_n).powi(2),
+            wheels: [Wheel::default(); MAX_WHEELS],
+            ahead_m_s: [0.0; 2],
+        }
+    }
+
+    /// Nothing is known of what was before.
+    pub(super) fn forget(&mut self) {
+        (self.wheels, self.ahead_m_s) = ([Wheel::default(); MAX_WHEELS], [0.0; 2]);
+    }
+
+    /// Takes in what a wheel's motor pushes its rim with, and the rim the floor, N.
+    pub(super) fn take(&mut self, wheel: usize, motor_n: f64, floor_n: f64, span_s: f64) {
+        let kept = [self.fast.kept(span_s), self.slow.kept(span_s), self.averaged.kept(span_s)];
+        let Wheel { motor, floor, .. } = &mut self.wheels[wheel];
+        motor.take(motor_n, kept);
+        floor.take(floor_n, kept);
+    }
+
+    /// Which wheels turn alone, and how far their rims are ahead: they gain so much more than forces give the platform, in body axes that
+    /// turn so fast, m/s² and rad/s.
+    pub(super) fn look(&mut self, more_m_s2: [f64; 2], turn_rad_s: f64, span_s: f64) {
+        let greatest = self.wheels.iter().fold(0.0, |most: f64, wheel| most.max(wheel.motor.square));
+        let least = self.least.max(PART * PART * greatest);
+        for wheel in &mut self.wheels {
+            let Wheel { motor, floor, since_s, .. } = *wheel;
+            let is_given = floor.fast * floor.slow > STILL_GIVEN * floor.slow * floor.slow;
+            let is_alone =
+                is_given && motor.square > least && floor.square < REACHES * REACHES * motor.square;
+            wheel.was_told = since_s >= LASTING_S;
+            wheel.since_s = if is_alone { since_s + span_s } else { 0.0 };
+        }
+        let any_slides = self.wheels.iter().any(|wheel| wheel.since_s >= LASTING_S);
+        let keep = if any_slides { 1.0 } else { self.forgotten.kept(span_s) };
+        let [x, y] = self.ahead_m_s;
+        let turned = span_s * turn_rad_s;
+        let carried = [x + turned * y, y - turned * x];
+        self.ahead_m_s = std::array::from_fn(|axis| keep * carried[axis] + span_s * more_m_s2[axis]);
+        if !self.ahead_m_s.iter().sum::<f64>().is_finite() {
+            self.forget();
+        }
+    }
+
+    /// The slide of a wheel that turns alone, whose rim goes by a twist as its row says.
+    pub(super) fn slide(&self, wheel: usize, row: &[f64; 3], motor_n: f64, span_s: f64) -> Option<Slide> {
+        let Wheel { since_s, was_told, .. } = self.wheels[wheel];
+        let [x, y] = self.ahead_m_s;
+        let ahead_m_s = (motor_n.signum() * (row[0] * x + row[1] * y)).max(LEAST_M_S);
+        // Until it was told it came to that speed from none.
+        let lasted_s = if was_told { span_s } else { 0.5 / FORGOTTEN_1_S };
+        let slide = Slide { ahead_m_s: ahead_m_s.copysign(motor_n), step_m: lasted_s * ahead_m_s };
+        (since_s >= LASTING_S).then_some(slide)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD_S: f64 = 1e-3;
+    const WHEEL_KG: f64 = 2.0;
+    /// A rim that goes along with x, and one with y.
+    const ROWS: [[f64; 3]; 2] = [[1.0, 0.0, 0.3], [0.0, 1.0, 0.3]];
+
+    /// When the first wheel was told, s, and how far it slid, m: a motor that pushes with 40 N and swings by some at 12 Hz, on a platform of
+    /// such a mass that slides from half a second on, if at all, with the rims unexplainedly ahead by 0.4 m/s² more each second.
+    fn told(swings_n: f64, kg: f64, slides: bool) -> Option<(f64, f64)> {
+        let mut alone = Alone::new(200.0);
+        let (mut first, mut way_m) = (None, 0.0);
+        for cycle in 0..1000 {
+            let t = f64::from(cycle) * PERIOD_S;
+            let swing_n = swings_n * (75.0 * t).sin();
+            let is_sliding = slides && t > 0.5;
+            let given_n = if is_sliding { 40.0 } else { 40.0 + swing_n * (1.0 - WHEEL_KG / (kg + WHEEL_KG)) };
+            alone.take(0, 40.0 + swing_n, given_n, PERIOD_S);
+            alone.take(1, 0.0, 0.0, PERIOD_S);
+            alone.look(if is_sliding { [0.4, 0.0] } else { [0.0; 2] }, 0.0, PERIOD_S);
+            assert!(alone.slide(1, &ROWS[1], 0.0, PERIOD_S).is_none(), "{t}");
+            if let Some(slide) = alone.slide(0, &ROWS[0], 40.0, PERIOD_S) {
+                first.get_or_insert(t);
+                way_m += slide.step_m;
+            }
+        }
+        first.map(|first| (first, way_m))
+    }
+
+    #[test]
+    fn a_wheel_of_whose_swings_nothing_reaches_the_floor_slides_whatever_the_platform_weighs() {
+        for kg in [10.0, 30.0, 300.0] {
+            assert_eq!(told(3.0, kg, false), None, "{kg} kg");
+            let (first_s, way_m) = told(3.0, kg, true).expect("it slides");
+            assert!((0.515..0.56).contains(&first_s), "{kg} kg: {first_s}");
+            // 0.4 m/s² for half a second are 50 mm.
+            assert!((0.03..0.055).contains(&way_m), "{kg} kg: {way_m}");
+        }
+    }
+
+    #[test]
+    fn what_does_not_swing_tells_nothing() {
+        assert_eq!(told(0.0, 30.0, true), None);
+        assert_eq!(told(0.1, 30.0, true), None);
+    }
+
+    #[test]
+    fn a_wheel_that_hardly_pushes_while_others_do_is_not_judged_nor_one_that_is_let_go() {
+        // Its own inertia takes all of its small part: the others accelerate it.
+        let is_told = |part: f64, given_n: &dyn Fn(f64) -> f64| {
+            let mut alone = Alone::new(200.0);
+            for cycle in 0..1000 {
+                let swing_n = 10.0 * (0.075 * f64::from(cycle)).sin();
+                alone.take(0, 40.0 + swing_n, 40.0 + 0.95 * swing_n, PERIOD_S);
+                alone.take(1, 40.0 + part * swing_n, given_n(f64::from(cycle) * PERIOD_S), PERIOD_S);
+                alone.look([0.0; 2], 0.0, PERIOD_S);
+            }
+            alone.slide(1, &ROWS[1], 40.0, PERIOD_S).is_some()
+        };
+        assert!(!is_told(0.2, &|_| 40.0) && is_told(0.5, &|_| 40.0));
+        // The floor gave something, and by now nothing.
+        assert!(!is_told(0.5, &|t| if t < 0.9 { 40.0 } else { 0.0 }));
+    }
+
+    #[test]
+    fn what_is_no_number_is_forgotten() {
+        let mut alone = Alone::new(200.0);
+        alone.take(0, f64::NAN, 1.0, PERIOD_S);
+        alone.look([f64::NAN, 0.0], 0.0, PERIOD_S);
+        for cycle in 0..200 {
+            alone.take(0, 40.0 + 3.0 * (0.075 * f64::from(cycle)).sin(), 40.0, PERIOD_S);
+            alone.look([0.4, 0.0], 0.0, PERIOD_S);
+        }
+        let slide = alone.slide(0, &ROWS[0], 40.0, PERIOD_S).expect("it slides");
+        assert!(slide.ahead_m_s.is_finite() && slide.step_m.is_finite(), "{slide:?}");
+    }
+}
