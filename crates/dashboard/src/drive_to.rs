@@ -613,6 +613,42 @@ fn is_there(snapshot: &Snapshot, goal: &Pose2) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use omnibase_run::live::Client;
+
+    fn drive(order: u64, replaces: Option<Drive>) -> Drive {
+        Drive {
+            order,
+            asker: Client::Page(1).into(),
+            goal: Pose2::new(order as f64, 0.0, 0.0),
+            best: BestWay::Shortest,
+            replans: 0,
+            number: 1,
+            before: 0,
+            stage: Stage::Blocked { tried: None },
+            since: Instant::now(),
+            held_up: None,
+            replaces: replaces.map(Box::new),
+        }
+    }
+
+    #[test]
+    fn a_drive_that_does_not_begin_leaves_its_place_to_the_one_before_unless_that_was_stopped() {
+        let drives = DriveTo::default();
+        let (order, _) = drives.take_over();
+        drives.keep(drive(order, None), None);
+        // The next one doesn't begin: the first goes on, and counts as the latest.
+        let (order, before) = drives.take_over();
+        assert!(before.is_some() && !drives.is_under_way());
+        drives.give_back(drive(order, before));
+        let goes_on = lock(&drives.under_way).clone().expect("the first one");
+        assert_eq!((goes_on.goal.x_m, goes_on.order), (1.0, order));
+        assert_eq!(drives.check_latest(&goes_on), Ok(()));
+        // A stop comes while another one is planned: nothing goes on.
+        let (order, before) = drives.take_over();
+        drives.take_over();
+        drives.give_back(drive(order, before));
+        assert!(!drives.is_under_way());
+    }
 
     #[test]
     fn who_is_held_up_at_one_place_again_and_again_is_so_since_the_first_time() {
