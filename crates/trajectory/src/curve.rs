@@ -115,6 +115,12 @@ impl Nurbs {
         if knots[degree] >= knots[controls.len()] {
             return Err(NurbsError::NoLength(knots[degree]));
         }
+        let within = degree + 1..controls.len();
+        if let Some(at) =
+            within.clone().find(|at| at + degree < within.end && knots[*at] == knots[at + degree])
+        {
+            return number("knots", at, knots[at], "no more equal ones than its degree: it jumps there");
+        }
         let weighted =
             |([x, y, turn], weight): (&[f64; 3], &f64)| [x * weight, y * weight, turn * weight, *weight];
         let controls = controls.iter().zip(weights).map(weighted).collect();
@@ -370,5 +376,9 @@ mod tests {
             assert_eq!(found, expected);
         }
         assert!(Nurbs::new(&[[0.0; 3], [f64::NAN, 0.0, 0.0]], 1, None, None).is_err());
+        let six = [[0.0; 3], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0], [0.0; 3], [1.0, 0.0, 0.0]];
+        let jumps = Nurbs::new(&six, 2, None, Some(&[0.0, 0.0, 0.0, 0.5, 0.5, 0.5, 1.0, 1.0, 1.0]));
+        let words = "knots[3] is 0.5, expected no more equal ones than its degree: it jumps there";
+        assert_eq!(jumps.unwrap_err().to_string(), words);
     }
 }

@@ -142,10 +142,10 @@ impl Line<'_> {
     }
 
     fn negate(&self) -> Result<Negate, SettingsError> {
-        match self.value.as_str() {
+        match self.value.to_ascii_lowercase().as_str() {
             "0" | "false" => Ok(Negate::BlackIsOccupied),
             "1" | "true" => Ok(Negate::WhiteIsOccupied),
-            _ => Err(self.refused("0 or 1")),
+            _ => Err(self.refused("0, 1, true or false")),
         }
     }
 
@@ -167,14 +167,15 @@ fn bare(text: &str) -> String {
             return inside.to_owned();
         }
     }
-    let end = text.find(" #").unwrap_or(text.len());
+    let end = [" #", "\t#"].iter().filter_map(|comment| text.find(comment)).min().unwrap_or(text.len());
     text[..end].trim().to_owned()
 }
 
 /// Lines as they count: a list may be written below its key, one `- value` a line.
 fn lines(text: &str) -> Result<Vec<Line<'_>>, SettingsError> {
     let mut found: Vec<Line<'_>> = Vec::new();
-    for (at, written) in text.lines().enumerate() {
+    // What editors put before a text, to say how it is encoded.
+    for (at, written) in text.trim_start_matches('\u{feff}').lines().enumerate() {
         let (number, line) = (at + 1, written.trim_end());
         if line.trim_start().is_empty() || line.trim_start().starts_with('#') || line == "---" {
             continue;

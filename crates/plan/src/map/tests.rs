@@ -19,6 +19,10 @@ fn settings_are_read_as_map_server_writes_them_and_errors_say_where() {
         (listed.image.as_str(), listed.origin, listed.mode),
         ("a b.png", [1.5, -2.0, 0.0], Mode::Scale)
     );
+    // As other programs write it: a mark before the text, a comment behind a tab, a word for a number.
+    let other = YAML.replace("room.pgm", "room.pgm\t# the image").replace("negate: 0", "negate: True");
+    let other = Settings::parse(&format!("\u{feff}{other}")).unwrap();
+    assert_eq!((other.image.as_str(), other.negate), ("room.pgm", settings::Negate::WhiteIsOccupied));
     for (text, expected) in [
         (
             YAML.replace("0.05", "five"),
@@ -28,7 +32,7 @@ fn settings_are_read_as_map_server_writes_them_and_errors_say_where() {
             YAML.replace("[-1.0, 2.0, 0.5]", "[-1.0, 2.0]"),
             "line 3: origin: expected [x, y, yaw] in m and rad, found `[-1.0, 2.0]`",
         ),
-        (YAML.replace("negate: 0", "negate: 2"), "line 4: negate: expected 0 or 1, found `2`"),
+        (YAML.replace("negate: 0", "negate: 2"), "line 4: negate: expected 0, 1, true or false, found `2`"),
         (
             YAML.replace("0.65", "1.65"),
             "line 5: occupied_thresh: expected a number from 0 to 1, found `1.65`",
