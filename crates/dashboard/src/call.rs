@@ -423,8 +423,10 @@ impl CallResult {
         CallResult { done: true, text: text.into(), data: None }
     }
 
+    /// `why` may begin with "refused: " itself, as the robot's own answers do.
     pub(crate) fn refused(why: impl std::fmt::Display) -> Self {
-        CallResult::not_done(format!("refused: {why}"))
+        let why = why.to_string();
+        CallResult::not_done(format!("refused: {}", why.strip_prefix("refused: ").unwrap_or(&why)))
     }
 
     pub(crate) fn not_done(text: impl Into<String>) -> Self {

@@ -194,7 +194,7 @@ impl DriveTo {
     ) -> Result<Option<Begun>, String> {
         let snapshot = live.snapshot();
         if !matches!(snapshot.phase, Phase::Holding | Phase::Tracking) {
-            return Err(crate::status::unfit(snapshot.phase).trim_start_matches("refused: ").to_owned());
+            return Err(crate::status::unfit(snapshot.phase).to_owned());
         }
         // It is as old as it is now, however long planning takes; a stop that comes meanwhile still counts.
         live.check_age(asker.stamp).map_err(|why| Answer::Refused(why).text().into_owned())?;

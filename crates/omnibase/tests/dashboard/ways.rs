@@ -110,6 +110,12 @@ fn a_drive_that_is_refused_begins_nothing_and_ends_nothing() {
     assert_eq!(robot.call(&json!({ "do": "enable" })).1["done"], true);
     drive(&robot, [1.0, 0.0, 0.0]);
     assert_eq!(ended(&robot)["text"], "there");
+    // Who is in no phase to drive is told once that it is refused.
+    assert_eq!(robot.call(&json!({ "do": "stop", "category": "category_0" })).1["done"], true);
+    robot.wait("it is disabled", |robot| robot.read("now")["phase"] == "disabled");
+    let said = robot.call(&json!({ "do": "drive_to", "pose": [1.2, 0.0, 0.0] })).1;
+    assert_eq!(said["text"], "refused: the robot is disabled: enable it first", "{said}");
+    assert_eq!(robot.call(&json!({ "do": "enable" })).1["done"], true);
     // Where it stands there is nothing to drive, and no drive.
     let here = robot.read("now")["values"].clone();
     let pose = ["x_m", "y_m", "heading_rad"].map(|name| here[format!("setpoint/pose_{name}")].clone());
