@@ -116,20 +116,26 @@ fn a_drive_that_is_refused_begins_nothing_and_ends_nothing() {
     let said = robot.call(&json!({ "do": "drive_to", "pose": [1.2, 0.0, 0.0] })).1;
     assert_eq!(said["text"], "refused: the robot is disabled: enable it first", "{said}");
     assert_eq!(robot.call(&json!({ "do": "enable" })).1["done"], true);
+    robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
     // Where it stands there is nothing to drive, and no drive.
     let here = robot.read("now")["values"].clone();
     let pose = ["x_m", "y_m", "heading_rad"].map(|name| here[format!("setpoint/pose_{name}")].clone());
     let said = robot.call(&json!({ "do": "drive_to", "pose": pose })).1;
     assert_eq!((&said["done"], &said["text"]), (&json!(true), &json!("it stands there already")), "{said}");
-    // Slowly from rest: it goes, at the time that it takes at that speed.
-    assert_eq!(robot.call(&json!({ "do": "set", "values": { "speed_factor": 0.15 } })).1["done"], true);
-    drive(&robot, [1.2, 0.0, 0.0]);
+    // Slowly from rest: it goes.
+    let set = |factor: f64| {
+        let said = robot.call(&json!({ "do": "set", "values": { "speed_factor": factor } })).1;
+        assert_eq!(said["done"], true, "{said}");
+    };
+    set(0.15);
+    drive(&robot, [4.0, 0.0, 0.0]);
     robot.wait("it is on its way", |robot| robot.speed_m_s() > 0.01);
     // What can't be planned leaves the drive before under way.
     let refused = robot.call(&json!({ "do": "drive_to", "pose": [9000.0, 9000.0, 0.0] })).1;
     assert_eq!(refused["done"], false, "{refused}");
     assert_eq!(way(&robot)["under_way"], true, "{}", way(&robot));
+    set(1.0);
     assert_eq!(ended(&robot)["text"], "there");
     let x_m = robot.value("setpoint/pose_x_m");
-    assert!((x_m - 1.2).abs() < 0.01, "{x_m} m");
+    assert!((x_m - 4.0).abs() < 0.01, "{x_m} m");
 }
