@@ -3,6 +3,8 @@
 //! What is planned is loaded and started as any other reference is; what looks after it only pauses it, and only by itself. Whoever stops the
 //! robot, or loads something else, ends it.
 
+mod lead;
+
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
@@ -11,8 +13,7 @@ use omnibase_plan::Until;
 use omnibase_platform::Pose2;
 use omnibase_robot::config::BestWay;
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle, spread_m};
-use omnibase_robot::signals::{Course, Phase, SafetyReason, Setpoint};
-use omnibase_robot::stages::Reference;
+use omnibase_robot::signals::{Course, Phase, SafetyReason};
 use omnibase_robot::{Ability, RequestKind};
 use omnibase_run::live::{Answer, Ask, Asker, Commander, Live, Refusal, Snapshot, Stamp};
 use omnibase_run::room::{WayRequest, stands_at};
@@ -20,6 +21,7 @@ use omnibase_run::room::{WayRequest, stands_at};
 use crate::robot_info::RobotInfo;
 use crate::room_seen::WaySeen;
 use crate::work::Waiting;
+use lead::lead;
 
 /// Most walls that are drawn, and most corners of one.
 const MOST: usize = 100;
@@ -41,11 +43,6 @@ const LONGEST: Duration = Duration::from_secs(1);
 const TOO_LATE: Duration = Duration::from_millis(3500);
 /// A drive that got farther than this from where it was held up got on, m and rad.
 const GOT_ON: f64 = 0.1;
-/// Slower than this it stands, m/s and rad/s.
-const STANDS: f64 = 0.01;
-/// A robot that moves goes on for so long until another way is planned, s; and places that are kept of where it goes.
-const PLANNING_S: f64 = 0.2;
-const LEADS: u32 = 8;
 /// Why a drive is over that others ended.
 const REPLACED: &str = "it was stopped, or something else was asked";
 /// Why something can't be sent.
@@ -555,48 +552,6 @@ fn is_refused(live: &Live, ticket: u64) -> bool {
     live.answer(ticket).is_some_and(|answer| !answer.is_done())
 }
 
-/// Where a robot that moves goes before it turns to another way: on its path as long as it takes to come to rest there, otherwise where a
-/// stop would lead it. None where it stands.
-fn lead(live: &Live, about: &RobotInfo, snapshot: &Snapshot) -> Vec<Pose2> {
-    let (record, limits) = (&snapshot.record, &about.robot.plan.limits);
-    let Setpoint { odom_from_body: here, twist_in_odom: twist, .. } = record.setpoint;
-    let ramp_s = |speed: f64, gain: f64, jerk: f64| speed / gain + gain / jerk;
-    let (speed, turn) = (twist.speed_m_s(), twist.w_rad_s.abs());
-    if snapshot.phase != Phase::Tracking || (speed < STANDS && turn < STANDS) {
-        return Vec::new();
-    }
-    let stop_s = PLANNING_S
-        + ramp_s(speed, limits.acceleration_m_s2, limits.jerk_m_s3).max(ramp_s(
-            turn,
-            limits.turn_acceleration_rad_s2,
-            limits.turn_jerk_rad_s3,
-        ));
-    let path = (record.course == Course::Reference).then(|| followed(live, about, snapshot)).flatten();
-    let along = |share: f64| match &path {
-        Some(path) => path.preview(record.reference_time_s + share * stop_s).map(|at| at.odom_from_body),
-        None => {
-            let s = PLANNING_S * share + 0.5 * (stop_s - PLANNING_S) * share * (2.0 - share);
-            Some(Pose2::new(
-                here.x_m + s * twist.vx_m_s,
-                here.y_m + s * twist.vy_m_s,
-                here.heading_rad + s * twist.w_rad_s,
-            ))
-        }
-    };
-    let ahead = (1..=LEADS).map_while(|part| along(f64::from(part) / f64::from(LEADS)));
-    std::iter::once(here).chain(ahead.filter(|pose| pose.is_finite())).collect()
-}
-
-/// The path that is followed, laid where it is.
-fn followed(live: &Live, about: &RobotInfo, snapshot: &Snapshot) -> Option<Box<dyn Reference>> {
-    let loaded = live.reference(snapshot.reference);
-    let table = loaded.as_deref().unwrap_or(&about.robot.plan.reference);
-    let ability = Ability::of(&about.robot.plan);
-    let mut path = about.registry.make_reference(table, &ability).ok()?;
-    path.start(&snapshot.reference_start?);
-    Some(path)
-}
-
 /// What is left of a way from the place nearest to a pose on.
 fn left<'p>(poses: &'p [Pose2], here: &Pose2) -> &'p [Pose2] {
     let near = |(_, pose): &(usize, &Pose2)| pose.distance_m(*here);
@@ -611,55 +566,4 @@ fn is_there(snapshot: &Snapshot, goal: &Pose2) -> bool {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use omnibase_run::live::Client;
-
-    fn drive(order: u64, replaces: Option<Drive>) -> Drive {
-        Drive {
-            order,
-            asker: Client::Page(1).into(),
-            goal: Pose2::new(order as f64, 0.0, 0.0),
-            best: BestWay::Shortest,
-            replans: 0,
-            number: 1,
-            before: 0,
-            stage: Stage::Blocked { tried: None },
-            since: Instant::now(),
-            held_up: None,
-            replaces: replaces.map(Box::new),
-        }
-    }
-
-    #[test]
-    fn a_drive_that_does_not_begin_leaves_its_place_to_the_one_before_unless_that_was_stopped() {
-        let drives = DriveTo::default();
-        let (order, _) = drives.take_over();
-        drives.keep(drive(order, None), None);
-        // The next one doesn't begin: the first goes on, and counts as the latest.
-        let (order, before) = drives.take_over();
-        assert!(before.is_some() && !drives.is_under_way());
-        drives.give_back(drive(order, before));
-        let goes_on = lock(&drives.under_way).clone().expect("the first one");
-        assert_eq!((goes_on.goal.x_m, goes_on.order), (1.0, order));
-        assert_eq!(drives.check_latest(&goes_on), Ok(()));
-        // A stop comes while another one is planned: nothing goes on.
-        let (order, before) = drives.take_over();
-        drives.take_over();
-        drives.give_back(drive(order, before));
-        assert!(!drives.is_under_way());
-    }
-
-    #[test]
-    fn who_is_held_up_at_one_place_again_and_again_is_so_since_the_first_time() {
-        let begun = Instant::now();
-        let later = |seconds| begun + Duration::from_secs(seconds);
-        let first = HeldUp::again(None, Pose2::new(1.0, 2.0, 3.1), begun);
-        let second = HeldUp::again(Some(first), Pose2::new(1.05, 2.0, -3.1), later(1));
-        assert_eq!(second, first);
-        for elsewhere in [Pose2::new(1.2, 2.0, 3.1), Pose2::new(1.0, 2.0, 2.8)] {
-            let third = HeldUp::again(Some(second), elsewhere, later(2));
-            assert_eq!(third, HeldUp { at: elsewhere, since: later(2) });
-        }
-    }
-}
+mod tests;

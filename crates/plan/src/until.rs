@@ -19,7 +19,7 @@ impl<'a> Until<'a> {
     }
 
     /// The same, asked only at some steps.
-    pub(crate) fn is_over_at(&self, step: u32) -> bool {
+    pub fn is_over_at(&self, step: u32) -> bool {
         step.is_multiple_of(OFTEN) && self.is_over()
     }
 }

@@ -8,6 +8,8 @@
 
 mod alone;
 pub(crate) mod equation;
+mod first_estimates;
+mod floor;
 pub(crate) mod friction;
 mod identification;
 pub(crate) mod loads;
@@ -16,10 +18,12 @@ mod steady;
 
 use omnibase_platform::{Kinematics, PerWheel, Wrench2, axes};
 
-use crate::config::{ControllerTable, ESTIMATE_BOUNDS, RobotPlan, find_object, wheel_kg};
+use crate::config::{RobotPlan, find_object, wheel_kg};
 use crate::decay::Decay;
 use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
 use alone::Alone;
+pub(crate) use first_estimates::FirstEstimates;
+use floor::Floor;
 use friction::{DRY_M_S, WheelFriction};
 use identification::{Identification, Motion, Watched};
 use loads::Loads;
@@ -53,24 +57,8 @@ const AGREEING: f64 = 0.2;
 const AGREED_M: f64 = 0.01;
 /// No wheel turns faster than its limit times this.
 const IMPOSSIBLE: f64 = 3.0;
-/// Mass and inertia where the file says nothing of them, kg and kg·m², and how uncertain they are then and else, over
-/// themselves.
-const UNKNOWN: (f64, f64) = (100.0, 10.0);
-const UNKNOWN_SHARE: f64 = 1.0;
-const KNOWN_SHARE: f64 = 0.5;
-/// Bounds where the file gives none, over the first estimate.
-const UNKNOWN_BOUNDS: [f64; 2] = [0.01, 100.0];
 /// By which part of what its file says an empty platform may weigh less.
 const WEIGHED_SHARE: f64 = 0.05;
-/// Friction of all wheels where the file gives no bound, N.
-const FRICTION_MAX_N: f64 = 100.0;
-/// Friction of wet ice: no floor has less.
-const LEAST_FRICTION: f64 = 0.01;
-/// One look at a slipping wheel tells the floor's friction so well, over itself; and for how long such an error stays, s.
-const LOOK_SHARE: f64 = 0.2;
-const LOOK_S: f64 = 0.05;
-/// What such a look is worth less after a second of slipping on.
-const WALK_1_S: f64 = 0.1;
 
 /// The watch.
 #[derive(Clone, Debug)]
@@ -111,48 +99,6 @@ pub(crate) struct Grip {
     agreed_m: f64,
 }
 
-/// What is known of a platform before it moves.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct FirstEstimates {
-    /// Mass and moment of inertia, each with its bounds, kg and kg·m².
-    pub(crate) mass: (f64, [f64; 2]),
-    pub(crate) inertia: (f64, [f64; 2]),
-    /// How uncertain the two are, over themselves.
-    pub(crate) share: f64,
-    /// The most that one wheel rubs, N.
-    pub(crate) friction_max_n: f64,
-}
-
-impl FirstEstimates {
-    pub(crate) fn of(table: &ControllerTable) -> Self {
-        let (unknown_kg, unknown_kg_m2) = UNKNOWN;
-        let is_known = table.mass_kg.is_some() && table.inertia_kg_m2.is_some();
-        let (share, factors) =
-            if is_known { (KNOWN_SHARE, ESTIMATE_BOUNDS) } else { (UNKNOWN_SHARE, UNKNOWN_BOUNDS) };
-        let first = |given: Option<f64>, unknown: f64, bounds: Option<[f64; 2]>| {
-            let first = given.unwrap_or(unknown);
-            // A law that takes no notice of them lets wrong ones pass.
-            let bounds = bounds.filter(|[low, high]| 0.0 < *low && (*low..=*high).contains(&first));
-            (first, bounds.unwrap_or(factors.map(|factor| factor * first)))
-        };
-        FirstEstimates {
-            mass: first(table.mass_kg, unknown_kg, table.mass_bounds_kg),
-            inertia: first(table.inertia_kg_m2, unknown_kg_m2, table.inertia_bounds_kg_m2),
-            share,
-            friction_max_n: table.friction_max_n.unwrap_or(FRICTION_MAX_N).max(0.0),
-        }
-    }
-
-    /// The same of a platform that weighs so much at least, kg.
-    fn at_least(mut self, least_kg: f64) -> Self {
-        let (first, [low, high]) = &mut self.mass;
-        *low = low.max(least_kg);
-        *high = high.max(*low);
-        *first = first.clamp(*low, *high);
-        self
-    }
-}
-
 /// How the platform is meant to move.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Wished {
@@ -187,13 +133,6 @@ impl Wheel {
     fn is_loose(&self) -> bool {
         self.slips || self.slide.is_some()
     }
-}
-
-/// The floor's friction.
-#[derive(Clone, Copy, Debug)]
-struct Floor {
-    coefficient: f64,
-    variance: f64,
 }
 
 impl Grip {
@@ -567,41 +506,5 @@ impl Grip {
             friction: self.floor.map(|floor| floor.coefficient),
             friction_sigma: self.floor.map(|floor| floor.variance.sqrt()),
         }
-    }
-}
-
-impl Floor {
-    /// After a slipping wheel was given such a part of its load.
-    fn seen(before: Option<Floor>, coefficient: f64, span_s: f64) -> Floor {
-        let looked = |most: f64| (LOOK_SHARE * most.max(LEAST_FRICTION)).powi(2);
-        let Some(Floor { coefficient: mean, variance }) = before else {
-            return Floor { coefficient, variance: looked(coefficient) };
-        };
-        // A force that passes through nothing, as where a slide ends, tells no more than another one.
-        let looked = looked(coefficient.max(mean));
-        // What the last look told grows old: floors differ by place.
-        let variance = variance + WALK_1_S * looked * span_s;
-        let share = variance / (variance + looked * (LOOK_S / span_s).max(1.0));
-        Floor { coefficient: mean + share * (coefficient - mean), variance: variance - share * variance }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_force_that_passes_through_nothing_is_not_taken_for_ice_and_ice_is_found() {
-        let look = |floor: Option<Floor>, coefficient: f64, cycles: u32| {
-            (0..cycles).fold(floor, |floor, _| Some(Floor::seen(floor, coefficient, 1e-3)))
-        };
-        let found = |floor: Option<Floor>| floor.expect("it was seen").coefficient;
-        let slid = look(None, 0.2, 30);
-        assert!((found(slid) - 0.2).abs() < 1e-9);
-        let passed = look(slid, 0.004, 10);
-        assert!(found(passed) > 0.15, "{passed:?}");
-        // On another floor, within half a second of slip.
-        let iced = look(look(None, 0.5, 100), 0.08, 500);
-        assert!(found(iced) < 0.15, "{iced:?}");
     }
 }

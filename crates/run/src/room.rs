@@ -397,10 +397,11 @@ impl Room {
         let fastest_m_s =
             SPEED_ROUNDING * (limits.speed_m_s + self.footprint.outer_radius_m() * limits.turn_speed_rad_s);
         // Where it can't be known beforehand, nothing is known of it.
-        let ended = Cell::new(false);
+        let (looks, ended) = (Cell::new(0_u32), Cell::new(false));
         let pose = |time_s: f64| {
             let nowhere = Pose2 { x_m: f64::NAN, ..Pose2::default() };
-            ended.set(ended.get() || way.until.is_over());
+            looks.set(looks.get().wrapping_add(1));
+            ended.set(ended.get() || way.until.is_over_at(looks.get()));
             if ended.get() {
                 return nowhere;
             }

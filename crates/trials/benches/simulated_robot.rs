@@ -5,7 +5,7 @@
 
 use std::time::Instant;
 
-use omnibase_trials::{framed, robots};
+use omnibase_trials::{core_s, framed, robots};
 
 /// What is asked.
 const AIM: f64 = 200.0;
@@ -31,11 +31,4 @@ fn round(text: &str) -> [f64; 2] {
     assert!(ran.finished, "{:?}", ran.ended);
     let robot_s = ran.summary.cycles as f64 * 1e-3;
     [robot_s / took_core_s, robot_s / took_s]
-}
-
-/// Time that this thread ran on a core, s: the kernel's own count, which others on the machine don't lengthen.
-fn core_s() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux");
-    let nanoseconds = text.split_whitespace().next().and_then(|word| word.parse::<f64>().ok());
-    nanoseconds.expect("nanoseconds on a core") * 1e-9
 }

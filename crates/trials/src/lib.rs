@@ -24,6 +24,7 @@ pub mod approaches;
 pub mod braking;
 pub mod builds;
 pub mod calibration;
+mod core_time;
 pub mod fast;
 pub mod framed;
 pub mod grip;
@@ -41,5 +42,6 @@ pub mod stops;
 mod trial;
 pub mod wiring;
 
+pub use core_time::core_s;
 pub use run::Run;
 pub use trial::{Trial, Without, plan_of};

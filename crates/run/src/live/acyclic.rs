@@ -288,7 +288,7 @@ impl AcyclicEnd {
             self.tell(Told { ticket, work: done.work, result: done.result.map_err(AcyclicRefusal::Failed) });
         }
         // Where nobody fetches answers no more is done: dropping them would free memory.
-        if self.under_way.is_some() || self.back.slots() == 0 {
+        if self.under_way.is_some() || self.back.slots() == 0 || self.inbox.is_empty() {
             return written;
         }
         let now = Instant::now();

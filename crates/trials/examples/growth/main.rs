@@ -14,6 +14,7 @@ use std::time::Instant;
 
 use omnibase_platform::Pose2;
 use omnibase_trajectory::{FastestTrajectory, Joining, Limits, PiecewisePath, PlatformBounds, Trajectory};
+use omnibase_trials::core_s;
 
 /// What was measured over what there is more and more of.
 struct Growth {
@@ -75,13 +76,6 @@ fn median_us(calls: usize, mut call: impl FnMut()) -> f64 {
     let mut took: Vec<u128> = (0..calls).map(once).collect();
     took.sort_unstable();
     took[calls / 2] as f64 * 1e-3
-}
-
-/// Time that this thread ran on a core, s: the kernel's own count, which others on the machine don't lengthen.
-fn core_s() -> f64 {
-    let text = std::fs::read_to_string("/proc/thread-self/schedstat").expect("Linux");
-    let nanoseconds = text.split_whitespace().next().and_then(|word| word.parse::<f64>().ok());
-    nanoseconds.expect("nanoseconds on a core") * 1e-9
 }
 
 /// Planning the fastest motion through points some 0.2 m apart, by the platform's limits.

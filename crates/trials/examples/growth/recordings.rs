@@ -5,9 +5,9 @@ use std::path::Path;
 
 use omnibase_record::report::Digest;
 use omnibase_robot::Registry;
-use omnibase_trials::{framed, robots};
+use omnibase_trials::{core_s, framed, robots};
 
-use super::{Growth, core_s};
+use super::Growth;
 
 /// By minutes.
 pub(super) fn growth(folder: &Path, hours: f64) -> Growth {

@@ -1,0 +1,52 @@
+//! Which drive goes on, and since when it is held up.
+
+use super::*;
+use omnibase_run::live::Client;
+
+fn drive(order: u64, replaces: Option<Drive>) -> Drive {
+    Drive {
+        order,
+        asker: Client::Page(1).into(),
+        goal: Pose2::new(order as f64, 0.0, 0.0),
+        best: BestWay::Shortest,
+        replans: 0,
+        number: 1,
+        before: 0,
+        stage: Stage::Blocked { tried: None },
+        since: Instant::now(),
+        held_up: None,
+        replaces: replaces.map(Box::new),
+    }
+}
+
+#[test]
+fn a_drive_that_does_not_begin_leaves_its_place_to_the_one_before_unless_that_was_stopped() {
+    let drives = DriveTo::default();
+    let (order, _) = drives.take_over();
+    drives.keep(drive(order, None), None);
+    // The next one doesn't begin: the first goes on, and counts as the latest.
+    let (order, before) = drives.take_over();
+    assert!(before.is_some() && !drives.is_under_way());
+    drives.give_back(drive(order, before));
+    let goes_on = lock(&drives.under_way).clone().expect("the first one");
+    assert_eq!((goes_on.goal.x_m, goes_on.order), (1.0, order));
+    assert_eq!(drives.check_latest(&goes_on), Ok(()));
+    // A stop comes while another one is planned: nothing goes on.
+    let (order, before) = drives.take_over();
+    drives.take_over();
+    drives.give_back(drive(order, before));
+    assert!(!drives.is_under_way());
+}
+
+#[test]
+fn who_is_held_up_at_one_place_again_and_again_is_so_since_the_first_time() {
+    let begun = Instant::now();
+    let later = |seconds| begun + Duration::from_secs(seconds);
+    let first = HeldUp::again(None, Pose2::new(1.0, 2.0, 3.1), begun);
+    let second = HeldUp::again(Some(first), Pose2::new(1.05, 2.0, -3.1), later(1));
+    assert_eq!(second, first);
+    for elsewhere in [Pose2::new(1.2, 2.0, 3.1), Pose2::new(1.0, 2.0, 2.8)] {
+        let third = HeldUp::again(Some(second), elsewhere, later(2));
+        assert_eq!(third, HeldUp { at: elsewhere, since: later(2) });
+    }
+}
