@@ -2,14 +2,16 @@
 
 mod bench;
 
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use bench::{Bench, Page, TOKEN};
 use omnibase_platform::Pose2;
 use omnibase_robot::registry::{Kind, needed};
-use omnibase_robot::signals::{CycleRecord, Phase, Setpoint};
+use omnibase_robot::signals::{Course, CycleRecord, Phase, RequestAnswer, Setpoint};
 use omnibase_robot::stages::Reference;
 use omnibase_robot::{Registry, RequestKind};
+use omnibase_run::live::{LiveEnd, Snapshot};
 use serde_json::{Value, json};
 
 /// Goes one step ahead with each sample, and forgets nothing at its start: who sampled it before sees it.
@@ -130,4 +132,77 @@ fn what_nobody_reads_of_a_loaded_motion_is_refused_with_what_is_expected_and_fou
     bench.until("the saved path", |_, request| {
         matches!(request?.kind, RequestKind::UseReference { .. }).then_some(())
     });
+}
+
+/// A robot that follows what it is told to, or refuses all of it, until it is over.
+fn obey(mut end: LiveEnd, refuses: &AtomicBool, is_over: &AtomicBool) {
+    let mut seen = Snapshot { phase: Phase::Holding, ..Snapshot::default() };
+    seen.record.course = Course::Reference;
+    let mut loaded = 0;
+    while !is_over.load(Ordering::Relaxed) {
+        seen.record.time.now_ns += 1_000_000;
+        let turn = end.turn(seen.record.time.now_ns, &seen.record, seen.phase);
+        if let Some((number, reference)) = turn.offer {
+            loaded = number;
+            end.give_back(reference);
+        }
+        seen.record.request = turn.request;
+        seen.record.answer = match turn.request.map(|request| request.kind) {
+            Some(RequestKind::Track) if refuses.load(Ordering::Relaxed) => RequestAnswer::OutsideFence,
+            Some(kind) => {
+                if kind == RequestKind::Track {
+                    (seen.phase, seen.record.reference) = (Phase::Tracking, loaded.into());
+                }
+                RequestAnswer::Taken
+            }
+            None => RequestAnswer::None,
+        };
+        end.show(&seen);
+        std::thread::yield_now();
+    }
+}
+
+#[test]
+fn a_drive_that_the_robot_itself_refuses_leaves_it_on_the_one_before_or_where_it_stands() {
+    let Bench { dashboard, end, folder, .. } = Bench::new();
+    let (refuses, is_over) = (AtomicBool::new(true), AtomicBool::new(false));
+    std::thread::scope(|scope| {
+        scope.spawn(|| obey(end, &refuses, &is_over));
+        let mut page = Page::at(dashboard.address);
+        assert_eq!(page.hear("may")["may"], "command");
+        let mut drive_to = |x_m: f64| {
+            let stamp = page.hear("stamp")["stamp"].clone();
+            page.send(&json!({"number": 1, "do": "drive_to", "pose": [x_m, 0, 0], "stamp": stamp}));
+            let said = page.hear("answer");
+            let way = loop {
+                let heard = page.hear("drive_to")["drive_to"].clone();
+                // What it says of the way comes once somebody has looked after it.
+                if heard["text"]
+                    .as_str()
+                    .is_some_and(|text| text.contains("fence") != said["done"].as_bool().unwrap())
+                {
+                    break heard;
+                }
+            };
+            (said, way)
+        };
+        let (said, way) = drive_to(1.0);
+        assert_eq!(said["done"], false, "{said}");
+        assert_eq!((&way["under_way"], &way["failed"]), (&json!(false), &json!(true)), "{way}");
+        refuses.store(false, Ordering::Relaxed);
+        let (said, way) = drive_to(2.0);
+        assert_eq!(
+            (&said["done"], &way["goal"][0], &way["under_way"]),
+            (&json!(true), &json!(2.0), &json!(true))
+        );
+        refuses.store(true, Ordering::Relaxed);
+        let (said, way) = drive_to(3.0);
+        assert_eq!(said["done"], false, "{said}");
+        assert_eq!(
+            (&way["goal"][0], &way["under_way"], &way["failed"]),
+            (&json!(2.0), &json!(true), &json!(false))
+        );
+        is_over.store(true, Ordering::Relaxed);
+    });
+    drop((dashboard, folder));
 }

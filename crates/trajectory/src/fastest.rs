@@ -2,8 +2,8 @@
 //!
 //! First the fastest progress without regard to jerk ([`crate::reach`]), then the mean of it over a window of time: its path is
 //! the same, its acceleration continuous, its jerk at most twice the acceleration over the window. Where the mean exceeds a limit,
-//! for it looks past bends, the limits are lowered there and the progress is found again. Where that costs much, it is the beginning of a search
-//! for the best motion near by, over the whole of it at once.
+//! for it looks past bends, the limits are lowered there and the progress is found again. Where the mean costs much, the best motion near it is
+//! sought first, over the whole of it at once.
 
 mod bounds;
 mod free;
@@ -88,6 +88,8 @@ const MORE: f64 = 2.0;
 const NEAR: f64 = 1e-3;
 /// What the jerk may cost, over the time without regard to it, before the best motion near by is sought.
 const COSTS: f64 = 0.02;
+/// The best motion near the mean isn't compared with the smoothed one where it is longer than the mean by less than this part of it.
+const LONGER: f64 = 0.01;
 /// Where pieces of the progress are looked at: beside their joints, and between them.
 const LOOKS: [f64; 3] = [0.001, 0.5, 0.999];
 
@@ -132,7 +134,7 @@ impl Start {
         Ok(Start { grid, reached, acceleration, window_s })
     }
 
-    /// The mean over the window, with limits lowered so that it keeps them all.
+    /// The mean with limits lowered so that it keeps them all.
     fn smoothed(&self, path: &impl GeometricPath, bounds: &PlatformBounds) -> Result<Progress, FastestError> {
         let window_s = self.window_s;
         let (mut grid, mut reached) = (self.grid.clone(), self.reached.clone());
@@ -178,25 +180,30 @@ impl Start {
         (0..self.grid.intervals.len()).map(|at| self.grid.lasts_s(&self.reached, at)).sum()
     }
 
-    /// The shortest motion near one, if it is shorter.
-    fn shorter<P: GeometricPath + Copy>(
+    /// The mean over the window, which may exceed limits: it looks past bends.
+    fn mean(&self) -> Progress {
+        Progress::new(&self.grid.sigma, &self.reached.x, self.window_s)
+    }
+
+    /// The shortest motion near one that may exceed limits, within all of them.
+    fn shortest_near(
         &self,
-        near: &FastestTrajectory<P>,
+        path: &impl GeometricPath,
         bounds: &PlatformBounds,
-    ) -> Option<FastestTrajectory<P>> {
-        let joints = near.path.breaks();
+        near: &Progress,
+        lasts_s: f64,
+    ) -> Option<Progress> {
+        let joints = path.breaks();
         let is_near = vec![true; self.grid.intervals.len()];
         let looks = Looks { grid: &self.grid, joints: &joints, window_s: 0.0, is_near: &is_near };
         let look = |progress: &Progress| {
-            let motion = FastestTrajectory::of(near.path, progress.clone());
+            let motion = FastestTrajectory::of(path, progress.clone());
             let mut paces = vec![1.0_f64; progress.piece_count()];
             motion.look(&looks, bounds, |piece, _, pace| paces[piece] = paces[piece].max(pace));
             Seen { paces, squares: motion.warming(bounds).map_or_else(Vec::new, |warming| warming.squares()) }
         };
-        let found = optimum::shortest(&near.path, bounds, &near.progress, self.window_s, look)?;
-        let found = FastestTrajectory::of(near.path, found);
-        let is_better = found.duration_s() < near.duration_s() && found.too_hot(bounds).is_empty();
-        is_better.then_some(found)
+        let costs = near.duration_s() / lasts_s - 1.0;
+        optimum::shortest(path, bounds, near, [self.window_s, costs], look)
     }
 }
 
@@ -213,13 +220,23 @@ impl<P: GeometricPath> FastestTrajectory<P> {
         is_so: impl Fn(&P, &Progress) -> bool,
     ) -> Result<FastestTrajectory<P>, FastestError> {
         let start = Start::new(&path, bounds)?;
-        let mut best = FastestTrajectory::of(&path, start.smoothed(&path, bounds)?);
-        if best.duration_s() > (1.0 + COSTS) * start.lasts_s() {
-            // The mean looks past whatever is shorter than its window, and one window holds for the whole.
-            let found = start.shorter(&best, bounds).filter(|found| is_so(&path, &found.progress));
-            best = found.unwrap_or(best);
+        let mean = start.mean();
+        let lasts_s = start.lasts_s();
+        // The mean looks past whatever is shorter than its window, and one window holds for the whole.
+        let near = |progress: &Progress| {
+            if progress.duration_s() <= (1.0 + COSTS) * lasts_s {
+                return None;
+            }
+            start.shortest_near(&path, bounds, progress, lasts_s).filter(|found| is_so(&path, found))
+        };
+        let mut best = near(&mean);
+        // Lowered limits make the mean longer, never shorter.
+        if best.as_ref().is_none_or(|best| best.duration_s() > (1.0 + LONGER) * mean.duration_s()) {
+            let smoothed = start.smoothed(&path, bounds)?;
+            let others = [best.or_else(|| near(&smoothed)), Some(smoothed)];
+            best = others.into_iter().flatten().min_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
         }
-        let progress = best.progress;
+        let progress = best.expect("the mean, at least");
         Ok(FastestTrajectory::of(path, progress))
     }
 

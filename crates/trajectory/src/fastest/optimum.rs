@@ -15,18 +15,20 @@ use crate::geometry::GeometricPath;
 use crate::polynomial::over_time;
 use crate::trajectory::Setpoint;
 
-/// Steps at a joint of the way, but within a window of the mean at least and at most so many; and between two rests at least.
-/// With more than so many nothing is sought.
+/// Steps at a joint of the way, but within a window of the mean at least and at most so many, the fewest where the jerk costs less than this
+/// part of the time; and between two rests at least. With more than so many nothing is sought.
 const AT_A_JOINT: f64 = 3.0;
-const IN_A_WINDOW: [f64; 2] = [5.0, 20.0];
+const IN_A_WINDOW: [f64; 3] = [2.5, 5.0, 20.0];
+const COSTLY: f64 = 0.03;
 const LEAST_STEPS: usize = 32;
 const MOST_STEPS: f64 = 2000.0;
 /// The first x is so far within all limits, and the first of a further round within lowered ones, as a factor on the time.
 const WITHIN: f64 = 1.05;
 const WITHIN_AGAIN: f64 = 1.01;
-/// What all prices make of the time when it begins, when it begins again, and in the end.
+/// What all prices make of the time when it begins, when it begins again, at the end of the first round, and of others.
 const GAP: f64 = 1.0;
 const GAP_AGAIN: f64 = 0.01;
+const FIRST_GAP: f64 = 1e-2;
 const LAST_GAP: f64 = 1e-3;
 /// What part of the gap is asked for next: what the last move left, within these. A move that makes so much of itself is whole.
 const LESS: [f64; 2] = [0.05, 0.9];
@@ -37,9 +39,9 @@ const SHORTEST: f64 = 1e-6;
 const SHORTER: f64 = 0.8;
 /// A move leaves so much of what is left to each limit, and of its price.
 const LEFT: f64 = 0.1;
-/// How often the best motion near by is sought; and again, as long as that gains this part.
+/// How often the best motion near by is sought; and again, as long as its rate is off that of the one before by so much in the mean.
 const SEARCHES: usize = 4;
-const GAINS: f64 = 0.02;
+const UNEVEN: f64 = 0.02;
 /// Rounds of lowering limits, until none is exceeded by more; a last stretch takes that away.
 const ROUNDS: usize = 4;
 const NEAR: f64 = 1e-3;
@@ -83,6 +85,8 @@ struct Look {
 #[derive(Clone, Copy)]
 struct Bar {
     left: f64,
+    /// What would be left after a move.
+    then_left: f64,
     /// One over it.
     per_left: f64,
     falls: Row,
@@ -111,6 +115,8 @@ struct Scene {
     steps: Vec<Step>,
     looks: Vec<Look>,
     planes: Vec<Row>,
+    /// Those of one look, by x and u there.
+    sides: Vec<[f64; 2]>,
     motors: usize,
     /// At each look the torque of each motor over what it bears for ever.
     torques: Vec<Row>,
@@ -127,11 +133,15 @@ struct Form {
 
 impl Form {
     fn add(&mut self, row: &Row, slope: f64, curve: f64) {
+        self.slope.iter_mut().zip(row).for_each(|(sum, part)| *sum += slope * part);
+        self.bend(row, curve);
+    }
+
+    fn bend(&mut self, row: &Row, curve: f64) {
         let [x, u, w] = *row;
         let [cx, cu, cw] = scaled(row, curve);
         let products = [cx * x, cx * u, cx * w, cu * u, cu * w, cw * w];
         self.curve.iter_mut().zip(products).for_each(|(sum, product)| *sum += product);
-        self.slope.iter_mut().zip(row).for_each(|(sum, part)| *sum += slope * part);
     }
 }
 
@@ -146,6 +156,38 @@ fn scaled([x, u, w]: &Row, by: f64) -> Row {
 fn moved(states: &[State], moves: &[State], part: f64) -> Vec<State> {
     let pairs = states.iter().zip(moves);
     pairs.map(|(state, by)| std::array::from_fn(|at| state[at] + part * by[at])).collect()
+}
+
+/// Drops what other limits imply, of those that a·x + b·u is at most 1, for x from 0 to that at which `speed`·x is 1.
+///
+/// The others are the corners of the hull of all (a, b), seen from where a is great: a smaller a asks for less, as x isn't negative.
+fn keep_binding(sides: &mut Vec<[f64; 2]>, speed: f64) {
+    sides.push([speed, 0.0]);
+    sides.sort_unstable_by(|one, other| one[1].total_cmp(&other[1]));
+    let mut kept = 0;
+    for at in 0..sides.len() {
+        let next = sides[at];
+        while kept > 0 {
+            let last = sides[kept - 1];
+            let is_behind = match kept.checked_sub(2).map(|at| sides[at]) {
+                // Not beyond the line from the one before it to the next.
+                Some(before) => {
+                    (last[0] - before[0]) * (next[1] - before[1])
+                        <= (next[0] - before[0]) * (last[1] - before[1])
+                }
+                None => last[1] == next[1] && last[0] <= next[0],
+            };
+            if !is_behind {
+                break;
+            }
+            kept -= 1;
+        }
+        sides[kept] = next;
+        kept += 1;
+    }
+    sides.truncate(kept);
+    // That on speed is told by itself.
+    sides.retain(|side| *side != [speed, 0.0]);
 }
 
 impl Look {
@@ -239,12 +281,15 @@ impl Scene {
         let [along, turn] = [limits.acceleration_m_s2, limits.angular_acceleration_rad_s2];
         let accelerations = [along, along, turn];
         let jerks = [limits.jerk_m_s3, limits.jerk_m_s3, limits.angular_jerk_rad_s3];
+        let speed = bounds.speed_share(&first).max(rate).powi(2);
         let from = self.planes.len();
         if !is_for_jerk {
+            self.sides.clear();
             bounds.planes_at(&first, |_, plane, left| {
-                let [x, u] = [second, first].map(|of| dot(&plane.normal, &of) / left);
-                self.planes.push(row(x, u, 0.0));
+                self.sides.push([second, first].map(|of| dot(&plane.normal, &of) / left));
             });
+            keep_binding(&mut self.sides, speed);
+            self.planes.extend(self.sides.iter().map(|[x, u]| row(*x, *u, 0.0)));
         }
         for torque in bounds.heat.iter().flat_map(|heat| &heat.torques) {
             let [x, u] = [second, first].map(|of| dot(torque, &of));
@@ -253,7 +298,7 @@ impl Scene {
         self.looks.push(Look {
             x: row(1.0, 0.0, 0.0),
             weight: 0.0,
-            speed: bounds.speed_share(&first).max(rate).powi(2),
+            speed,
             acceleration: std::array::from_fn(|axis| {
                 let [x, u] = [second[axis], first[axis]].map(|of| of / accelerations[axis]);
                 row(x, u, 0.0)
@@ -286,20 +331,17 @@ impl Scene {
         looks.iter().for_each(|look| look.limits(&self.planes, state, &mut take));
     }
 
-    /// What is left to all limits; `None` where it is less than a part of what was.
-    fn left(&self, states: &[State], bars: &[Bar]) -> Option<Vec<f64>> {
-        let mut found = Vec::with_capacity(bars.len());
-        for (step, state) in self.steps.iter().zip(states) {
-            let mut is_enough = true;
+    /// Finds what is left to all limits; whether that is more than a part of what was.
+    fn is_left(&self, states: &[State], bars: &mut [Bar]) -> bool {
+        self.steps.iter().zip(states).all(|(step, state)| {
+            let (mut is_enough, mut of_step) = (true, bars[step.bars.clone()].iter_mut());
             self.limits(step, state, |left, _, _| {
-                is_enough &= left > LEFT * bars[found.len()].left;
-                found.push(left);
+                let bar = of_step.next().expect("each limit has one");
+                is_enough &= left > LEFT * bar.left;
+                bar.then_left = left;
             });
-            if !is_enough {
-                return None;
-            }
-        }
-        Some(found)
+            is_enough
+        })
     }
 
     /// Newton's move towards where each price is a weight over what is left; how fast that falls goes into `bars`.
@@ -324,7 +366,7 @@ impl Scene {
                     let bar = of_step.next().expect("each limit has one");
                     (bar.falls, bar.per_left) = (falls, 1.0 / left);
                     form.add(&falls, weight * bar.per_left, bar.price * bar.per_left);
-                    rows.iter().for_each(|row| form.add(row, 0.0, 2.0 * bar.price));
+                    rows.iter().for_each(|row| form.bend(row, 2.0 * bar.price));
                 });
             }
             // What is behind the step: x' = x + 2u + w and u' = u + w.
@@ -372,14 +414,14 @@ impl Scene {
         }
     }
 
-    /// Moves states within all limits to those of the least time, or towards them.
-    fn solve(&self, states: &mut Vec<State>, bars: &mut Vec<Bar>) {
+    /// Moves states within all limits to those of the least time but for a gap, or towards them.
+    fn solve(&self, states: &mut Vec<State>, bars: &mut Vec<Bar>, last_gap: f64) {
         let is_new = bars.is_empty();
         let mut at = 0;
         for (step, state) in self.steps.iter().zip(states.iter()) {
             self.limits(step, state, |left, falls, _| {
                 if is_new {
-                    bars.push(Bar { left, per_left: 0.0, falls, price: 0.0, change: 0.0 });
+                    bars.push(Bar { left, then_left: left, per_left: 0.0, falls, price: 0.0, change: 0.0 });
                 } else {
                     bars[at].left = left;
                     at += 1;
@@ -415,18 +457,18 @@ impl Scene {
             let parts = std::iter::successors(Some(part), |part| Some(SHORTER * part));
             let tried = parts.take_while(|part| *part > SHORTEST).find_map(|part| {
                 let moved = moved(states, &moves, part);
-                self.left(&moved, bars).map(|left| (part, moved, left))
+                self.is_left(&moved, bars).then_some((part, moved))
             });
-            let Some((part, moved, left)) = tried else { break };
+            let Some((part, moved)) = tried else { break };
             *states = moved;
-            for (bar, left) in bars.iter_mut().zip(left) {
-                bar.left = left;
+            for bar in bars.iter_mut() {
+                bar.left = bar.then_left;
                 bar.price += of_prices * bar.change;
             }
             let made = part.min(of_prices);
             less = (1.0 - made).clamp(LESS[0], LESS[1]);
             let gap = bars.iter().map(|bar| bar.left * bar.price).sum::<f64>();
-            if made > WHOLE && gap < LAST_GAP * length {
+            if made > WHOLE && gap < last_gap * length {
                 break;
             }
         }
@@ -473,12 +515,14 @@ impl Span {
         path: &P,
         bounds: &PlatformBounds,
         near: &Progress,
-        window_s: f64,
+        [window_s, costs]: [f64; 2],
         joints: &[f64],
     ) -> Option<Vec<Span>> {
         // As many as the window asks for, and more where the way itself does.
         let windows = near.duration_s() / window_s;
-        let [least, most] = IN_A_WINDOW.map(|steps| steps * windows);
+        let [few, enough, most] = IN_A_WINDOW;
+        let least = (enough * costs / COSTLY).clamp(few, enough);
+        let [least, most] = [least, most].map(|steps| steps * windows);
         let asked = (AT_A_JOINT * joints.len() as f64).clamp(least, most);
         if asked > MOST_STEPS {
             return None;
@@ -494,13 +538,13 @@ impl Span {
         near.rests_s().windows(2).map(span).collect()
     }
 
-    /// Moves to the least time, from within limits that it exceeds by so much.
-    fn solve(&mut self, most: f64) {
+    /// Moves to the least time but for a gap, from within limits that it exceeds by so much.
+    fn solve(&mut self, most: f64, last_gap: f64) {
         // Slower as a whole, so that it is within the limits as they are now.
         let within = if self.bars.is_empty() { WITHIN } else { WITHIN_AGAIN };
         let factor = (most * within).powi(-2);
         self.states.as_flattened_mut().iter_mut().for_each(|part| *part *= factor);
-        self.scene.solve(&mut self.states, &mut self.bars);
+        self.scene.solve(&mut self.states, &mut self.bars, last_gap);
     }
 
     /// Adds its motion to one before it, from a time on; when it ends, s.
@@ -517,6 +561,13 @@ impl Span {
     }
 }
 
+/// How far the rates of motions are off those that they are sought near to, in the mean.
+fn unevenness(spans: &[Span]) -> f64 {
+    let states = || spans.iter().flat_map(|span| &span.states);
+    let off = states().map(|[x, ..]| (x.sqrt() - 1.0).abs()).sum::<f64>();
+    off / states().count() as f64
+}
+
 /// The shortest motion near one whose accelerations change within a window of time; `None` where none is found.
 ///
 /// `near` may exceed limits itself. `look` tells what limits and motors say to a motion.
@@ -524,26 +575,25 @@ pub(super) fn shortest<P: GeometricPath>(
     path: &P,
     bounds: &PlatformBounds,
     near: &Progress,
-    window_s: f64,
+    [window_s, costs]: [f64; 2],
     look: impl Fn(&Progress) -> Seen,
 ) -> Option<Progress> {
     let joints = path.breaks();
     let mut best: Option<Progress> = None;
     let mut near = near.clone();
     for search in 1..=SEARCHES {
-        let Some(mut spans) = Span::all(path, bounds, &near, window_s, &joints) else { break };
+        let Some(mut spans) = Span::all(path, bounds, &near, [window_s, costs], &joints) else { break };
         let (mut most, mut round, mut rounds) = (1.0, 1, ROUNDS);
         loop {
             let (mut knots, mut time_s) = (Vec::new(), 0.0);
             for span in &mut spans {
-                span.solve(most);
+                span.solve(most, if round == 1 { FIRST_GAP } else { LAST_GAP });
                 time_s = span.push_knots(time_s, &mut knots);
             }
             knots.push((time_s, [path.length(), 0.0, 0.0]));
             let mut found = Progress::through(&knots);
-            // What is so much shorter is sought near to again: its steps are then even in its own time.
-            let begins_again =
-                round == 1 && search < SEARCHES && found.duration_s() < (1.0 - GAINS) * near.duration_s();
+            // What goes so much faster or slower is sought near to again: its steps are then even in its own time.
+            let begins_again = round == 1 && search < SEARCHES && unevenness(&spans) > UNEVEN;
             if begins_again {
                 near = found.clone();
             }
@@ -563,7 +613,8 @@ pub(super) fn shortest<P: GeometricPath>(
             if is_hot {
                 rounds = HOT_ROUNDS;
             }
-            let is_done = most <= 1.0 + NEAR && is_cool && (!is_hot || hottest > 1.0 - HEAT_LEFT);
+            let is_done =
+                round > 1 && most <= 1.0 + NEAR && is_cool && (!is_hot || hottest > 1.0 - HEAT_LEFT);
             if is_done || round == rounds {
                 return best;
             }

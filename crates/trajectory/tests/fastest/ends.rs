@@ -138,7 +138,8 @@ fn a_motion_never_goes_back() {
             });
             let least =
                 times.chain(ends).map(|time_s| motion.progress(time_s)[1]).fold(f64::INFINITY, f64::min);
-            assert!(least >= 0.0, "way {number}, {jerk_m_s3} m/s³: {least}");
+            // Of a speed of 1 m/s, rounding leaves less at rest.
+            assert!(least >= -1e-16, "way {number}, {jerk_m_s3} m/s³: {least}");
         }
     }
 }
