@@ -70,6 +70,11 @@ pub struct PlaceSample {
     pub sigma_rad: f64,
 }
 
+/// No step lasts longer, s.
+const LONGEST_S: f64 = 60.0;
+/// No number is greater, in any unit: the year is 2·10⁹ s.
+const GREATEST: f64 = 1e12;
+
 /// Why a dataset can't be worked with.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum DatasetError {
@@ -112,8 +117,20 @@ pub enum DatasetError {
         /// The one before.
         before_s: f64,
     },
-    /// NaN, infinity, or a standard deviation that is none.
-    #[error("{run}, {what} {number}: {value} is {found}, expected a finite number{and}", and = if *.must_be_positive { " above 0" } else { "" })]
+    /// Wheels of which nothing was read for too long.
+    #[error(
+        "{run}, step {step}: it lasts {found_s} s, expected at most {LONGEST_S} s: instants are in s, and wheels are read all the time"
+    )]
+    Long {
+        /// Which run.
+        run: String,
+        /// Which step, from 0.
+        step: usize,
+        /// How long it lasts.
+        found_s: f64,
+    },
+    /// NaN, more than can be, or a standard deviation that is none.
+    #[error("{run}, {what} {number}: {value} is {found}, expected a number of at most {GREATEST:e} in size{and}", and = if *.must_be_positive { " above 0" } else { "" })]
     Number {
         /// Which run.
         run: String,
@@ -214,7 +231,8 @@ impl Run {
         self
     }
 
-    fn check(&self, wheels: usize) -> Result<(), DatasetError> {
+    /// Refuses what can't be worked with.
+    pub fn check(&self, wheels: usize) -> Result<(), DatasetError> {
         let run = || self.name.clone();
         if self.steps.is_empty() {
             return Err(DatasetError::NoSteps { run: run(), wheels });
@@ -229,6 +247,14 @@ impl Run {
             }
         }
         self.in_order("step", self.begin_s, self.steps.iter().map(|step| step.end_s))?;
+        let mut from_s = self.begin_s;
+        for (step, Step { end_s, .. }) in self.steps.iter().enumerate() {
+            let found_s = end_s - from_s;
+            if found_s > LONGEST_S {
+                return Err(DatasetError::Long { run: run(), step, found_s });
+            }
+            from_s = *end_s;
+        }
         self.in_order("turn", f64::NEG_INFINITY, self.turns.iter().map(|turn| turn.instant_s))?;
         self.in_order("pose", f64::NEG_INFINITY, self.poses.iter().map(|pose| pose.instant_s))?;
         self.in_order("place", f64::NEG_INFINITY, self.places.iter().map(|place| place.instant_s))?;
@@ -297,7 +323,11 @@ impl Run {
         value: &'static str,
         found: f64,
     ) -> Result<(), DatasetError> {
-        if found.is_finite() { Ok(()) } else { Err(self.not_a_number(what, number, value, found, false)) }
+        if found.abs() <= GREATEST {
+            Ok(())
+        } else {
+            Err(self.not_a_number(what, number, value, found, false))
+        }
     }
 
     fn sigma(
@@ -307,7 +337,7 @@ impl Run {
         value: &'static str,
         found: f64,
     ) -> Result<(), DatasetError> {
-        let is_sigma = found.is_finite() && found > 0.0;
+        let is_sigma = found > 0.0 && found <= GREATEST;
         if is_sigma { Ok(()) } else { Err(self.not_a_number(what, number, value, found, true)) }
     }
 

@@ -127,7 +127,7 @@ pub struct Solution {
     pub information: DMatrix<f64>,
     /// How each run went.
     pub runs: Vec<RunFit>,
-    /// Sum of squares of all residuals over their standard deviations; of doubted poses by Huber's weights.
+    /// Sum of squares of all residuals over their standard deviations; a doubted pose counts as one at the edge of doubt.
     pub chi_square: f64,
     /// Residuals less unknowns.
     pub freedoms: usize,
@@ -372,7 +372,8 @@ impl<'a> Problem<'a> {
         let freedoms =
             linear.residuals.saturating_sub(count + 3 * state.poses.iter().map(Vec::len).sum::<usize>());
         // Where residuals are greater than they should be, so are the errors; where they are smaller, luck isn't counted on.
-        let excess = (linear.cost / freedoms.max(1) as f64).max(1.0);
+        let chi_square = linear.cost - linear.of_doubted;
+        let excess = (chi_square / freedoms.max(1) as f64).max(1.0);
         let mut information = shared.matrix;
         let covariance = information.clone().cholesky().ok_or_else(singular)?.inverse() * excess;
         let held = self.held(&information).cholesky().ok_or_else(singular)?.inverse() * excess;
@@ -397,7 +398,7 @@ impl<'a> Problem<'a> {
         Ok(Solution {
             found: found.collect(),
             runs: runs.collect(),
-            chi_square: linear.cost,
+            chi_square,
             freedoms,
             steps,
             unevenness: state.unevenness,

@@ -57,15 +57,23 @@ fn each_mistake_is_told_with_its_place() {
         ),
         (
             words(|run| run.steps[0].turned_rad[2] = f64::NAN),
-            "run, step 0: turned_rad is NaN, expected a finite number",
+            "run, step 0: turned_rad is NaN, expected a number of at most 1e12 in size",
+        ),
+        (
+            words(|run| run.steps[2].end_s = 1e6),
+            "run, step 2: it lasts 999998 s, expected at most 60 s: instants are in s, and wheels are read all the time",
+        ),
+        (
+            words(|run| run.poses[0].world_from_sensor.x_m = 1e15),
+            "run, pose 0: x_m is 1000000000000000, expected a number of at most 1e12 in size",
         ),
         (
             words(|run| run.poses[1].sigma_m = 0.0),
-            "run, pose 1: sigma_m is 0, expected a finite number above 0",
+            "run, pose 1: sigma_m is 0, expected a number of at most 1e12 in size above 0",
         ),
         (
             words(|run| run.poses[0].world_from_sensor.heading_rad = f64::INFINITY),
-            "run, pose 0: heading_rad is inf, expected a finite number",
+            "run, pose 0: heading_rad is inf, expected a number of at most 1e12 in size",
         ),
         (
             words(|run| run.poses.clear()),
@@ -84,7 +92,7 @@ fn each_mistake_is_told_with_its_place() {
         ),
         (
             words(|run| run.turns = vec![TurnSample { instant_s: 1.0, rate_rad_s: f64::NAN }]),
-            "run, turn 0: rate_rad_s is NaN, expected a finite number",
+            "run, turn 0: rate_rad_s is NaN, expected a number of at most 1e12 in size",
         ),
         (refused(&Dataset::default(), &Tolerances::default()), "no run: expected at least one"),
         (

@@ -1,6 +1,6 @@
 //! What a sensor says, where it is mounted and how well it knows.
 
-use omnibase_platform::Pose2;
+use omnibase_platform::{Pose2, covariance_fault};
 
 /// Sensors that a filter can have.
 pub const MAX_SENSORS: usize = 6;
@@ -103,7 +103,7 @@ pub enum Reading {
 }
 
 impl Reading {
-    /// Whether it is of a kind, and every number one that can be: no further away than the Moon, no variance below 0.
+    /// Whether it is of a kind, and every number one that can be: no further away than the Moon, and a covariance that is one.
     pub fn is_of(&self, kind: SensorKind) -> bool {
         match (self, kind) {
             (Reading::Turn(turn), SensorKind::Turn) => can_be(*turn),
@@ -115,7 +115,7 @@ impl Reading {
             (Reading::Pose { map_from_sensor, covariance }, SensorKind::Pose) => {
                 let Pose2 { x_m, y_m, heading_rad } = *map_from_sensor;
                 [x_m, y_m, heading_rad].into_iter().chain(*covariance).all(can_be)
-                    && [0, 3, 5].iter().all(|at| covariance[*at] >= 0.0)
+                    && covariance_fault(covariance).is_none()
             }
             _ => false,
         }

@@ -74,6 +74,22 @@ fn repeats_that_were_driven_are_learnt_from() {
     said(&[&["run", "robots/bmm.toml", "--record", &circle][..], &CIRCLE].concat());
     let words = refused(&["learn", TRACKED, "--from", &circle]);
     assert!(words.contains("bmm.mcap") && words.contains("nothing tells this robot"), "{words}");
+    // Nor one of another motion, whether the command line says which or the first recording; nor another robot's.
+    let longer = ["--circle", "radius_m=0.4,duration_s=8", "--from", &names[0]];
+    let words = refused(&[&["learn", TRACKED][..], &longer].concat());
+    assert!(
+        words.contains("repeat-1.mcap") && words.contains("of another motion: of 7 s, expected 8 s"),
+        "{words}"
+    );
+    let square = folder.path("square.mcap");
+    said(&["run", TRACKED, "--path", "robots/square.dat", "--record", &square]);
+    let words = refused(&["learn", TRACKED, "--from", &names[0], "--from", &square]);
+    assert!(
+        words.contains("square.mcap") && words.contains("of another motion: of 20 s, expected 7 s"),
+        "{words}"
+    );
+    let words = refused(&["learn", "robots/mecanum.toml", "--from", &names[0]]);
+    assert!(words.contains("with 3 wheels, expected") && words.contains("with 4"), "{words}");
 }
 
 #[test]

@@ -28,6 +28,6 @@ pub use odometry::{
     CovarianceSettings, GeometrySigmas, Odometry, OdometryError, OdometrySettings, OdometryState, PoseGrowth,
     Regime,
 };
-pub use se2::{BodyStep, Pose2, Twist2, Wrench2, axes, length, pose_error, wrap_angle_rad};
+pub use se2::{BodyStep, Pose2, Twist2, Wrench2, axes, covariance_fault, length, pose_error, wrap_angle_rad};
 pub use tread::Treads;
 pub use wheel::{MAX_WHEELS, PerWheel, Wheel};

@@ -245,6 +245,28 @@ pub fn axes(twist: &Twist2) -> [f64; 3] {
     [twist.vx_m_s, twist.vy_m_s, twist.w_rad_s]
 }
 
+/// What rounding makes of a covariance that knows nothing in some direction, as a part of its variances' product.
+const OF_ROUNDING: f64 = 1e-9;
+
+/// Why xx, xy, xψ, yy, yψ, ψψ are no pose's covariance, which has finite numbers and no variance below 0 in any direction: what is
+/// wrong, and its value. `None` where they are one.
+pub fn covariance_fault(all: &[f64; 6]) -> Option<(&'static str, f64)> {
+    let [xx, xy, xh, yy, yh, hh] = *all;
+    if let Some(found) = all.iter().find(|number| !number.is_finite()) {
+        return Some(("covariance", *found));
+    }
+    if let Some(found) = [xx, yy, hh].into_iter().find(|variance| *variance < 0.0) {
+        return Some(("a variance", found));
+    }
+    let pairs = [(xy, xx * yy), (xh, xx * hh), (yh, yy * hh)];
+    if let Some((found, _)) = pairs.into_iter().find(|(both, most)| both * both > *most) {
+        return Some(("a covariance beside its variances", found));
+    }
+    // Three pairs that can be need not be possible together.
+    let determinant = xx * (yy * hh - yh * yh) - xy * (xy * hh - yh * xh) + xh * (xy * yh - yy * xh);
+    (determinant < -OF_ROUNDING * xx * yy * hh).then_some(("a covariance's determinant", determinant))
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,7 +1,7 @@
 //! Instants of another clock on ours.
 //!
 //! What is sent before it is heard bounds how far the two clocks are apart from one side, an answer to something of ours
-//! from the other. Between the two bounds lies the truth; where only one side is known, that bound stands for it.
+//! from the other. Between the two bounds lies the truth; where only one side is known, or the other is far away, that bound stands for it.
 
 /// Of each second in which something was heard, the strictest bounds are kept.
 const BUCKET_NS: u64 = 1_000_000_000;
@@ -12,6 +12,9 @@ const DRIFT_NS: i128 = BUCKET_NS as i128 / 10_000;
 /// What contradicts all before it by more than this, ns, is put aside until so many in a row say the same: a clock that was set.
 const JUMP_NS: i128 = 10_000_000;
 const IN_A_ROW: u32 = 10;
+
+/// Bounds that are farther apart than this, ns, don't have the truth in their middle: who answers so late is held up on one way.
+const FAR_APART_NS: i128 = 20_000_000;
 
 /// An instant on our clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -125,6 +128,9 @@ impl ClockMap {
         match (least, most) {
             (None, None) => None,
             (Some(one), None) | (None, Some(one)) => Some((one, None)),
+            (Some(least), Some(most)) if most - least > FAR_APART_NS => {
+                Some((most, Some(most - least + DRIFT_NS)))
+            }
             (Some(least), Some(most)) => Some(((least + most) / 2, Some((most - least) / 2 + DRIFT_NS))),
         }
     }

@@ -2,6 +2,7 @@
 
 use std::net::IpAddr;
 
+use omnibase_platform::covariance_fault;
 use omnibase_robot::config::DatagramPlan;
 use omnibase_robot::signals::Heard;
 
@@ -30,8 +31,8 @@ pub const BYTES: [usize; 2] = [56, 56 + 48 + 16];
 const HELD_AT_MOST_NS: u64 = 60_000_000_000;
 /// No room is larger, m.
 const FARTHEST_M: f64 = 1e5;
-/// What rounding makes of a covariance that knows nothing in some direction, as a part of its variances' product.
-const ROUNDING: f64 = 1e-9;
+/// So many of the last answers are remembered.
+const ANSWERS: usize = 256;
 
 /// A pose as it is sent.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -182,7 +183,17 @@ impl PoseDatagram {
                 return Err(Refused::Number { what, found });
             }
         }
-        let covariance = covariance.map(|all| sound_covariance(&all)).transpose()?;
+        let covariance = match covariance.as_deref() {
+            Some(&[xx, xy, xh, yy, yh, hh]) => Some([xx, xy, xh, yy, yh, hh]),
+            _ => None,
+        };
+        if let Some((what, found)) = covariance.as_ref().and_then(covariance_fault) {
+            return Err(Refused::Number { what, found });
+        }
+        let variances = covariance.iter().flat_map(|[xx, _, _, yy, _, hh]| [*xx, *yy, *hh]);
+        if let Some(found) = variances.into_iter().find(|found| *found > FARTHEST_M * FARTHEST_M) {
+            return Err(Refused::Number { what: "a variance", found });
+        }
         let answer = if has(WANTS_ANSWER) { Answer::Wanted } else { Answer::Unwanted };
         Ok(PoseDatagram { sequence, instant_ns, sent_ns, pose, covariance, echo, answer })
     }
@@ -209,30 +220,6 @@ impl PoseDatagram {
     }
 }
 
-/// A covariance is one: no variance is negative in any direction.
-fn sound_covariance(all: &[f64]) -> Result<[f64; 6], Refused> {
-    let [xx, xy, xh, yy, yh, hh] = *all else { return Err(Refused::Magic { found: all.len() }) };
-    if let Some(found) = all.iter().find(|number| !number.is_finite()) {
-        return Err(Refused::Number { what: "covariance", found: *found });
-    }
-    for variance in [xx, yy, hh] {
-        if !(0.0..=FARTHEST_M * FARTHEST_M).contains(&variance) {
-            return Err(Refused::Number { what: "a variance", found: variance });
-        }
-    }
-    for (both, [one, other]) in [(xy, [xx, yy]), (xh, [xx, hh]), (yh, [yy, hh])] {
-        if both * both > one * other {
-            return Err(Refused::Number { what: "a covariance beside its variances", found: both });
-        }
-    }
-    // Three pairs that can be need not be possible together.
-    let determinant = xx * (yy * hh - yh * yh) - xy * (xy * hh - yh * xh) + xh * (xy * yh - yy * xh);
-    if determinant < -ROUNDING * xx * yy * hh {
-        return Err(Refused::Number { what: "a covariance's determinant", found: determinant });
-    }
-    Ok([xx, xy, xh, yy, yh, hh])
-}
-
 /// What became of a datagram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Taken {
@@ -251,6 +238,9 @@ pub struct DatagramHearing {
     map: ClockMap,
     numbers: Numbers,
     moving: Moving,
+    /// What the last answers said of our clock, ns; 0 where there was none.
+    told_ns: [u64; ANSWERS],
+    answered: usize,
 }
 
 impl DatagramHearing {
@@ -261,6 +251,8 @@ impl DatagramHearing {
             map: ClockMap::default(),
             numbers: Numbers::default(),
             moving: Moving::default(),
+            told_ns: [0; ANSWERS],
+            answered: 0,
         }
     }
 
@@ -276,8 +268,10 @@ impl DatagramHearing {
         if !self.numbers.is_new(sent.sequence) {
             return Err(Refused::Again { sequence: sent.sequence });
         }
-        // What somebody says of our clock counts where it can be: it is of before now.
+        // What somebody says of our clock counts where it was said, and is of before now.
         if let Some(echo) = sent.echo
+            && echo.told_ns > 0
+            && self.told_ns.contains(&echo.told_ns)
             && let Some(after_ns) =
                 echo.told_ns.checked_add(echo.held_ns).filter(|after_ns| *after_ns <= now_ns)
         {
@@ -288,7 +282,11 @@ impl DatagramHearing {
         }
         let mapped = self.map.map(sent.instant_ns).ok_or(Refused::Clock)?;
         let mapped = Mapped { ours_ns: mapped.ours_ns.min(now_ns), ..mapped };
-        let answer = (sent.answer == Answer::Wanted).then(|| answer(sent.sequence, now_ns));
+        let answer = (sent.answer == Answer::Wanted).then(|| {
+            self.told_ns[self.answered % ANSWERS] = now_ns;
+            self.answered += 1;
+            answer(sent.sequence, now_ns)
+        });
         let heard = self.moving.heard(mapped, sent.pose, sent.covariance.unwrap_or_default());
         Ok(Taken { heard, mapped, answer })
     }

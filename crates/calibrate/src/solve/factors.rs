@@ -160,6 +160,8 @@ pub(crate) struct Linear {
     pub(crate) shared: Shared,
     /// What is made least: squares of residuals over standard deviations, of doubted poses less.
     pub(crate) cost: f64,
+    /// What of it doubted poses cost beyond that of one at the edge of doubt.
+    pub(crate) of_doubted: f64,
     /// Sum of the logarithms of the weights of what the wheels say.
     pub(crate) log_weight: f64,
     pub(crate) residuals: usize,
@@ -181,7 +183,15 @@ struct Residual {
 
 impl Linear {
     pub(crate) fn new(shared: Shared) -> Linear {
-        Linear { chains: Vec::new(), shared, cost: 0.0, log_weight: 0.0, residuals: 0, looks: Vec::new() }
+        Linear {
+            chains: Vec::new(),
+            shared,
+            cost: 0.0,
+            of_doubted: 0.0,
+            log_weight: 0.0,
+            residuals: 0,
+            looks: Vec::new(),
+        }
     }
 
     pub(crate) fn chains(&self) -> impl Iterator<Item = Chain> + '_ {
@@ -223,6 +233,7 @@ impl Linear {
                 residual.weight *= DOUBTED_AT / size;
                 // Huber's cost is 2·k·size − k²; half of its first part is added below.
                 self.cost += DOUBTED_AT * (size - DOUBTED_AT);
+                self.of_doubted += 2.0 * DOUBTED_AT * (size - DOUBTED_AT);
             }
             if residual.weight[2] == 0.0 {
                 self.residuals -= 1;

@@ -8,7 +8,7 @@ mod table;
 pub(super) mod write;
 
 use crate::Outcome;
-use crate::progress::note;
+use crate::progress::{note, warn};
 use crate::robot_file::{Changes, RobotSource};
 use anyhow::Context;
 use drive::Driven;
@@ -233,7 +233,12 @@ pub fn run(
         let page = page::of(&plan.name, &dataset, &known, &solution, &drifts);
         std::fs::write(path, page.html()).with_context(|| format!("writing `{}`", path.display()))?;
     }
-    if let Some(path) = &arguments.write {
+    let is_sound = solution.reduced_chi_square() <= WORST_CHI_SQUARE;
+    if !is_sound && arguments.write.is_some() {
+        warn(format_args!(
+            "chi² is above {WORST_CHI_SQUARE}: something isn't as it was said to be; nothing is written"
+        ));
+    } else if let Some(path) = &arguments.write {
         let names = write::SensorNames {
             tracker: tracker(&plan, arguments.truth.as_ref()).map(|one| one.name.as_str()),
             gyro: recordings::gyro(&plan, arguments.gyro.as_ref()).map(|one| one.name.as_str()),
@@ -245,7 +250,7 @@ pub fn run(
             arguments.robot.display()
         ));
     }
-    Ok(if solution.reduced_chi_square() <= WORST_CHI_SQUARE { Outcome::Done } else { Outcome::Failed })
+    Ok(if is_sound { Outcome::Done } else { Outcome::Failed })
 }
 
 /// How far dead reckoning runs off in each run: by the file, and by what was found.

@@ -94,6 +94,7 @@ pub fn run(
         "`{}` has no poses to compare with: expected --truth source:NAME or simulator, or columns pose_x_m, pose_y_m, pose_heading_rad",
         arguments.recording.display()
     );
+    run.check(plan.drives.len())?;
     let believed = estimate(&plan, &run, arguments.poses);
     let truth: Vec<Stamped> = run
         .without_repeats()

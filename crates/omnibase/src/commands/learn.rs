@@ -7,10 +7,11 @@ use crate::progress::{note, warn};
 use crate::robot_file::{Changes, RobotSource};
 use anyhow::{Context, bail, ensure};
 use omnibase_calibrate::rehearsal::{Random, drawn_wheel};
-use omnibase_platform::Kinematics;
+use omnibase_platform::{Kinematics, Pose2, wrap_angle_rad};
 use omnibase_record::run::{Keep, RecordedRun};
 use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::estimators::covariance_settings;
+use omnibase_robot::signals::Setpoint;
 use omnibase_robot::{Ability, Registry, RobotPlan};
 use omnibase_run::channels;
 use omnibase_run::learn::rehearsal;
@@ -108,6 +109,7 @@ pub fn run(
     }
     let mut source = RobotSource::read(&arguments.robot, &arguments.changes)?;
     source.text.reference = arguments.reference.chosen(registry)?;
+    let is_chosen = source.text.reference.is_some();
     let mut plan = source.load_or_explain(registry)?.plan;
     // Repeats begin without one: whether it helps is measured.
     plan.reference.correction = None;
@@ -116,7 +118,7 @@ pub fn run(
     let learner = if arguments.from.is_empty() {
         repeated(arguments, &plan, registry, rows, output)?
     } else {
-        recorded(arguments, registry, rows, output)?
+        recorded(arguments, &plan, is_chosen, registry, rows, output)?
     };
     let correction = if arguments.from.is_empty() { learner.best() } else { Some(learner.next()) };
     if arguments.json {
@@ -175,8 +177,9 @@ fn repeated(
     let built = arguments.seed.map_or_else(|| Ok(plan.clone()), |seed| drawn(plan, seed))?;
     for number in 0..arguments.repeats {
         let row = if arguments.drive {
-            let recording = driven(arguments, plan, number, &learner, registry, output)?;
-            learner.learn(&repeat_of(&recording, registry)?)?.into()
+            let path = driven(arguments, plan, number, &learner, registry, output)?;
+            let (recorded, its_plan) = recording(&path, registry)?;
+            learner.learn(&repeat_of(&recorded, &its_plan, registry)?)?.into()
         } else {
             let seed = arguments.seed.unwrap_or(1).wrapping_mul(1000).wrapping_add(u64::from(number));
             let one = rehearsal::drive(&built, plan, Some(learner.next()), registry, seed)?;
@@ -231,25 +234,86 @@ fn driven(
     Ok(recording)
 }
 
-/// Learns from recordings, one after the other.
+/// Learns from recordings, one after the other: of one robot, and of one motion, that of the command line where it says one.
 fn recorded(
     arguments: &Arguments,
+    plan: &RobotPlan,
+    is_chosen: bool,
     registry: &Registry,
     rows: &mut Vec<Row>,
     output: &mut dyn Write,
 ) -> anyhow::Result<Learner> {
+    let mut motion = if is_chosen { Some(Motion::of(plan, registry)?) } else { None };
     let mut learner = None;
     for path in &arguments.from {
-        let repeat = repeat_of(path, registry).with_context(|| format!("`{}`", path.display()))?;
-        let learner = learner.get_or_insert_with(|| Learner::new(repeat.duration_s()));
-        let learnt = learner.learn(&repeat).with_context(|| format!("`{}`", path.display()))?;
+        let learnt = (|| -> anyhow::Result<Learnt> {
+            let (recorded, its_plan) = recording(path, registry)?;
+            let names = [&its_plan, plan].map(|plan| (&plan.name, plan.drives.len()));
+            ensure!(
+                names[0] == names[1],
+                "it is of `{}` with {} wheels, expected `{}` with {}",
+                names[0].0,
+                names[0].1,
+                names[1].0,
+                names[1].1
+            );
+            let its_motion = Motion::of(&its_plan, registry)?;
+            motion.get_or_insert_with(|| its_motion.clone()).check(&its_motion)?;
+            let repeat = repeat_of(&recorded, &its_plan, registry)?;
+            Ok(learner.get_or_insert_with(|| Learner::new(repeat.duration_s())).learn(&repeat)?)
+        })();
+        let learnt = learnt.with_context(|| format!("`{}`", path.display()))?;
         tell(learnt.into(), rows, arguments.json, output)?;
     }
     learner.context("expected a recording")
 }
 
-/// A recorded run as a repeat.
-fn repeat_of(path: &Path, registry: &Registry) -> anyhow::Result<Repeat> {
+/// Where a motion leads, from where it begins, at even times.
+#[derive(Clone)]
+struct Motion {
+    duration_s: f64,
+    poses: Vec<Pose2>,
+}
+
+impl Motion {
+    /// So many times.
+    const LOOKS: u32 = 64;
+    /// Motions that are nowhere farther apart are one, m and rad.
+    const SAME: f64 = 1e-3;
+
+    /// That of a plan, without a correction.
+    fn of(plan: &RobotPlan, registry: &Registry) -> anyhow::Result<Motion> {
+        let table = ReferenceTable { correction: None, correction_file: None, ..plan.reference.clone() };
+        let mut reference = registry.make_reference(&table, &Ability::of(plan))?;
+        let duration_s = reference.duration_s().unwrap_or(f64::INFINITY);
+        reference.start(&Setpoint::default());
+        let last_s = if duration_s.is_finite() { duration_s } else { 0.0 };
+        let mut pose =
+            |look: u32| reference.sample(last_s * f64::from(look) / f64::from(Self::LOOKS)).odom_from_body;
+        Ok(Motion { duration_s, poses: (0..=Self::LOOKS).map(&mut pose).collect() })
+    }
+
+    /// Refuses another one.
+    fn check(&self, other: &Motion) -> anyhow::Result<()> {
+        let apart = |(one, other): (&Pose2, &Pose2)| {
+            let turned_rad = wrap_angle_rad(one.heading_rad - other.heading_rad).abs();
+            one.distance_m(*other).max(turned_rad)
+        };
+        let most = self.poses.iter().zip(&other.poses).map(apart).fold(0.0, f64::max);
+        let is_as_long =
+            (self.duration_s - other.duration_s).abs() <= Self::SAME || self.duration_s == other.duration_s;
+        ensure!(
+            most <= Self::SAME && is_as_long,
+            "it is of another motion: of {} s, expected {} s, and up to {most:.3} m or rad beside the one that is learnt",
+            other.duration_s,
+            self.duration_s
+        );
+        Ok(())
+    }
+}
+
+/// A recorded run, and the robot that it was recorded with.
+fn recording(path: &Path, registry: &Registry) -> anyhow::Result<(RecordedRun, RobotPlan)> {
     let file = std::fs::File::open(path).context("opening it")?;
     let recorded = RecordedRun::read_from(file, Keep::All)?;
     ensure!(!recorded.raw.is_empty(), "only some of its signals are recorded: expected all of them");
@@ -257,8 +321,13 @@ fn repeat_of(path: &Path, registry: &Registry) -> anyhow::Result<Repeat> {
         let words: Vec<String> = problems.iter().map(ToString::to_string).collect();
         anyhow::anyhow!("its robot: {}", words.join("; "))
     })?;
-    let motion = registry.make_reference(&plan.reference, &Ability::of(&plan))?;
-    let mut repeat = Repeat::new(&plan, motion.duration_s().unwrap_or(f64::INFINITY))?;
+    Ok((recorded, plan))
+}
+
+/// A recorded run as a repeat.
+fn repeat_of(recorded: &RecordedRun, plan: &RobotPlan, registry: &Registry) -> anyhow::Result<Repeat> {
+    let motion = registry.make_reference(&plan.reference, &Ability::of(plan))?;
+    let mut repeat = Repeat::new(plan, motion.duration_s().unwrap_or(f64::INFINITY))?;
     let mut words = channels::RecordWords::new(plan.record_layout());
     for raw in &recorded.raw {
         let cycle = words.record(raw);

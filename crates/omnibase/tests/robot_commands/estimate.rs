@@ -81,6 +81,17 @@ fn a_table_of_anybody_is_taken_and_what_it_lacks_is_said() {
     assert!(output.status.success(), "{}", words(&output.stderr));
     let told: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(told["wheels"]["absolute_m"].as_f64().unwrap() < 2e-3, "{told}");
+    for (wrong, told) in [
+        // Time that runs back, time in ms, a pose beyond the Moon.
+        (text.replace("\n3,", "\n2,"), "its instant 2 s isn't later than 2.99 s"),
+        (text.replace("\n5,", "\n5000,"), "expected at most 60 s: instants are in s"),
+        (text.replace(",1.5,0,0\n", ",1e300,0,0\n"), "expected a number of at most 1e12 in size"),
+    ] {
+        std::fs::write(&table, wrong).unwrap();
+        let output = omnibase(&["estimate", "robots/bmm.toml", &table]);
+        let said = words(&output.stderr);
+        assert!(output.status.code() == Some(1) && said.contains(told), "{told}: {said}");
+    }
     std::fs::write(&table, text.replace("pose_x_m,pose_y_m,pose_heading_rad", "a,b,c")).unwrap();
     let output = omnibase(&["estimate", "robots/bmm.toml", &table]);
     assert!(!output.status.success() && words(&output.stderr).contains("has no poses to compare with"));

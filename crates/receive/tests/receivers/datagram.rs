@@ -180,6 +180,35 @@ fn what_a_sender_says_of_our_future_counts_for_nothing() {
     assert!(taken.heard.instant_ns <= arrives_ns(&lies));
 }
 
+/// A sender that heard no answer yet, or remembers that of another run: what it sends besides is taken in as if it had said nothing.
+#[test]
+fn an_echo_of_what_was_never_told_counts_for_nothing() {
+    for (told_ns, held_ns) in [(0, 0), (1, 60_000 * MS), (3, u64::MAX)] {
+        let mut hearing = hearing();
+        let first = PoseDatagram { echo: Some(Echo { told_ns, held_ns }), answer: Answer::Wanted, ..sent(1) };
+        let taken = hearing.take(&first.to_bytes(), PEER, arrives_ns(&first)).unwrap();
+        assert_eq!(taken.mapped.bound_ns, None, "{told_ns}");
+        // It hears the answer, and from then on says what was told.
+        let told_ns = u64::from_le_bytes(taken.answer.unwrap()[12..].try_into().unwrap());
+        let next = PoseDatagram { echo: Some(Echo { told_ns, held_ns: 6 * MS }), ..sent(2) };
+        let taken = hearing.take(&next.to_bytes(), PEER, arrives_ns(&next)).unwrap();
+        assert!(taken.mapped.bound_ns.unwrap() < 3 * MS, "{taken:?}");
+    }
+}
+
+/// It heard the answer a second later than it says, or was held up on the way: the middle would be half a second off.
+#[test]
+fn an_echo_that_bounds_hardly_anything_leaves_the_instant_where_the_other_side_has_it() {
+    let mut hearing = hearing();
+    let asks = PoseDatagram { answer: Answer::Wanted, ..sent(1) };
+    let answer = hearing.take(&asks.to_bytes(), PEER, arrives_ns(&asks)).unwrap().answer.unwrap();
+    let told_ns = u64::from_le_bytes(answer[12..].try_into().unwrap());
+    let late = PoseDatagram { echo: Some(Echo { told_ns, held_ns: 0 }), ..sent(101) };
+    let taken = hearing.take(&late.to_bytes(), PEER, arrives_ns(&late)).unwrap();
+    assert_eq!(taken.heard.instant_ns, arrives_ns(&late) - 4 * MS);
+    assert!(taken.mapped.bound_ns.unwrap() > 900 * MS, "{taken:?}");
+}
+
 #[test]
 fn a_covariance_whose_pairs_contradict_each_other_is_none() {
     let read = |all: [f64; 6]| {

@@ -126,7 +126,7 @@ fn read_one(
     witnesses: &Witnesses,
 ) -> anyhow::Result<Run> {
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
-        let text = std::fs::read_to_string(path).context("reading it")?;
+        let text = omnibase_run::small_file::text(path).context("reading it")?;
         let run = run_of_table(&text, plan.drives.len(), &path.display().to_string())?;
         return Ok(run.in_steps_of(STEP_S));
     }
