@@ -130,7 +130,7 @@ pub enum DatasetError {
         found_s: f64,
     },
     /// NaN, more than can be, or a standard deviation that is none.
-    #[error("{run}, {what} {number}: {value} is {found}, expected a number of at most {GREATEST:e} in size{and}", and = if *.must_be_positive { " above 0" } else { "" })]
+    #[error("{run}, {what} {number}: {value} is {found:?}, expected a number of at most {GREATEST:e} in size{and}", and = if *.must_be_positive { " above 0" } else { "" })]
     Number {
         /// Which run.
         run: String,

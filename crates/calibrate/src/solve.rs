@@ -99,6 +99,10 @@ impl Found {
     }
 }
 
+/// Runs with residuals above this, or with more poses in doubt than this part of them, don't fit what was said of them.
+const WORST_CHI_SQUARE: f64 = 4.0;
+const MOST_DOUBTED: f64 = 0.1;
+
 /// Where the platform was in a run, as the solution has it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RunFit {
@@ -141,6 +145,13 @@ impl Solution {
     /// χ² per freedom: 1 where standard deviations are what they are said to be, less where the floor is better than that.
     pub fn reduced_chi_square(&self) -> f64 {
         self.chi_square / self.freedoms.max(1) as f64
+    }
+
+    /// Whether the runs fit what was said of them: residuals are as great as they should be, and few poses are doubted.
+    pub fn is_sound(&self) -> bool {
+        let poses: usize = self.runs.iter().map(|run| run.residuals.len()).sum();
+        let doubted: usize = self.runs.iter().map(|run| run.doubted).sum();
+        self.reduced_chi_square() <= WORST_CHI_SQUARE && doubted as f64 <= MOST_DOUBTED * poses as f64
     }
 
     /// One of the unknowns.

@@ -64,12 +64,12 @@ fn each_mistake_is_told_with_its_place() {
             "run, step 2: it lasts 999998 s, expected at most 60 s: instants are in s, and wheels are read all the time",
         ),
         (
-            words(|run| run.poses[0].world_from_sensor.x_m = 1e15),
-            "run, pose 0: x_m is 1000000000000000, expected a number of at most 1e12 in size",
+            words(|run| run.poses[0].world_from_sensor.x_m = 1e300),
+            "run, pose 0: x_m is 1e300, expected a number of at most 1e12 in size",
         ),
         (
             words(|run| run.poses[1].sigma_m = 0.0),
-            "run, pose 1: sigma_m is 0, expected a number of at most 1e12 in size above 0",
+            "run, pose 1: sigma_m is 0.0, expected a number of at most 1e12 in size above 0",
         ),
         (
             words(|run| run.poses[0].world_from_sensor.heading_rad = f64::INFINITY),

@@ -169,9 +169,6 @@ fn pair(text: &str) -> Result<[f64; 2], String> {
     }
 }
 
-/// Residuals above this make the command fail: the runs don't fit what was said of them.
-const WORST_CHI_SQUARE: f64 = 4.0;
-
 /// What is known beforehand, and how well.
 pub(super) struct Known {
     pub(super) build: Build,
@@ -233,11 +230,10 @@ pub fn run(
         let page = page::of(&plan.name, &dataset, &known, &solution, &drifts);
         std::fs::write(path, page.html()).with_context(|| format!("writing `{}`", path.display()))?;
     }
-    let is_sound = solution.reduced_chi_square() <= WORST_CHI_SQUARE;
-    if !is_sound && arguments.write.is_some() {
-        warn(format_args!(
-            "chi² is above {WORST_CHI_SQUARE}: something isn't as it was said to be; nothing is written"
-        ));
+    if !solution.is_sound() && arguments.write.is_some() {
+        warn(
+            "the runs don't fit what was said of them: chi² is above 4, or a tenth of the poses is wild; nothing is written",
+        );
     } else if let Some(path) = &arguments.write {
         let names = write::SensorNames {
             tracker: tracker(&plan, arguments.truth.as_ref()).map(|one| one.name.as_str()),
@@ -250,7 +246,7 @@ pub fn run(
             arguments.robot.display()
         ));
     }
-    Ok(if is_sound { Outcome::Done } else { Outcome::Failed })
+    Ok(if solution.is_sound() { Outcome::Done } else { Outcome::Failed })
 }
 
 /// How far dead reckoning runs off in each run: by the file, and by what was found.
