@@ -128,3 +128,25 @@ const GREATEST: f64 = 4e8;
 fn can_be(value: f64) -> bool {
     value.abs() <= GREATEST
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pose_whose_covariance_is_none_is_no_reading() {
+        let is_reading = |covariance| {
+            let map_from_sensor = Pose2::new(0.5, 0.2, 0.1);
+            Reading::Pose { map_from_sensor, covariance }.is_of(SensorKind::Pose)
+        };
+        assert!(is_reading([0.0; 6]) && is_reading([1e-6, 1e-7, 0.0, 1e-6, 0.0, 1e-5]));
+        let one = [1e-6, 0.0, 0.0, 1e-6, 0.0, 1e-6];
+        for (at, wrong) in [(1, 1.0), (2, -1e-5), (3, -1e-9), (4, f64::NAN), (5, f64::INFINITY)] {
+            let mut covariance = one;
+            covariance[at] = wrong;
+            assert!(!is_reading(covariance), "{covariance:?}");
+        }
+        // Three pairs that can be, but not together.
+        assert!(!is_reading([1.0, 0.9, 0.9, 1.0, -0.9, 1.0]));
+    }
+}
