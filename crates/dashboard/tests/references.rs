@@ -173,8 +173,9 @@ fn a_drive_that_the_robot_itself_refuses_leaves_it_on_the_one_before_or_where_it
         let mut drive_to = |x_m: f64| {
             let stamp = page.hear("stamp")["stamp"].clone();
             page.send(&json!({"number": 1, "do": "drive_to", "pose": [x_m, 0, 0], "stamp": stamp}));
-            let said = page.hear("answer");
+            let (said, begin) = (page.hear("answer"), Instant::now());
             let way = loop {
+                assert!(begin.elapsed() < Duration::from_secs(60), "{said}, and nothing of the way");
                 let heard = page.hear("drive_to")["drive_to"].clone();
                 // What it says of the way comes once somebody has looked after it.
                 if heard["text"]
