@@ -97,7 +97,7 @@ pub enum PlanError {
         pose: Pose2,
     },
     /// Beyond the map.
-    #[error("{end} ({:.3}, {:.3}, {:.3}): the footprint reaches beyond the map", pose.x_m, pose.y_m, pose.heading_rad)]
+    #[error("{end} ({:.3}, {:.3}, {:.3}): the footprint reaches beyond the map, or the fence", pose.x_m, pose.y_m, pose.heading_rad)]
     Outside {
         /// Which end.
         end: End,

@@ -285,7 +285,7 @@ fn what_cannot_be_reached_is_told_with_the_reason() {
     );
     assert_eq!(
         tell(&closed, [[1.0, 1.5, 0.0], [9.0, 1.0, 0.0]]),
-        "goal (9.000, 1.000, 0.000): the footprint reaches beyond the map"
+        "goal (9.000, 1.000, 0.000): the footprint reaches beyond the map, or the fence"
     );
     assert_eq!(
         tell(&closed, [[1.0, f64::NAN, 0.0], [6.0, 1.0, 0.0]]),
