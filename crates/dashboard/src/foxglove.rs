@@ -115,7 +115,7 @@ async fn tell(shared: Shared, channels: Channels, moments: Sender<Arc<Moment>>) 
             view.set_path(planned(&shared, followed).await.into_iter());
             path = followed;
         }
-        let row = rows.of(&snapshot.record, &snapshot.extras).0;
+        let row = rows.of(&snapshot.record, &snapshot.extras);
         view.hear(now_ns, row);
         view.set_obstacles(now_ns, &snapshot.obstacles);
         let mut all: Vec<_> = channels.row(row).collect();

@@ -147,7 +147,7 @@ async fn read(followers: Arc<Followers>, following: Following, mut rows: Rows) {
         interval.tick().await;
         let Some(sender) = followers.sender(&mut following) else { return };
         while let Some(cycle) = following.as_mut().and_then(Following::next_cycle) {
-            let values = rows.of(&cycle.record, &cycle.extras).0.into();
+            let values = rows.of(&cycle.record, &cycle.extras).into();
             let row = Row { number: cycle.number, instant_ns: cycle.record.time.now_ns, values };
             // Whoever followed may be gone.
             let _ = sender.send(Arc::new(row));

@@ -195,7 +195,7 @@ impl StatusMessage {
     pub(crate) fn new(snapshot: &Snapshot, rows: &mut Rows) -> Self {
         let Snapshot { record, extras, .. } = snapshot;
         // Before the first cycle there is no record, and no wheel in it.
-        let values = if snapshot.cycles == 0 { &[][..] } else { rows.of(record, extras).0 };
+        let values = if snapshot.cycles == 0 { &[][..] } else { rows.of(record, extras) };
         let (commander, by_stick) = commander(extras.authority.commander);
         let settings = snapshot.settings.iter().flatten().map(|gain| Setting {
             name: gain.name,

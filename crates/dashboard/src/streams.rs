@@ -35,7 +35,7 @@ pub(crate) async fn plot(live: Live, mut rows: Rows, target: SocketAddr) {
             continue;
         }
         sent_cycles = snapshot.cycles;
-        let topics = topics(&schema, rows.of(&snapshot.record, &snapshot.extras).0);
+        let topics = topics(&schema, rows.of(&snapshot.record, &snapshot.extras));
         let mut all: Map<String, Value> = Map::new();
         all.insert("timestamp".to_owned(), (snapshot.record.time.now_ns as f64 * 1e-9).into());
         all.extend(topics.into_iter().map(|(name, values)| (name, Value::Object(values))));

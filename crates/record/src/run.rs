@@ -1,7 +1,7 @@
 //! The recording of a run: every signal of every cycle, as MCAP and as a column file, and reading it back.
 //!
 //! The recorder knows no robot. A run is a table: [`RunSchema`] names the columns, grouped in topics; each cycle is
-//! one row of `f64`, plus raw bytes from which the cycle can be replayed, plus events in words.
+//! one row of exact words, numbers and counts, from which the cycle can be replayed; beside them events in words.
 
 mod columns;
 mod mcap_file;
@@ -51,6 +51,19 @@ impl RunSchema {
     /// Numbers in a row.
     pub fn width(&self) -> usize {
         self.topics.iter().map(|topic| topic.signals.len()).sum()
+    }
+
+    /// Of each place of a row, whether its word is a count; of the others it is the bits of a number.
+    pub(crate) fn counts(&self) -> Vec<bool> {
+        let mut counts = vec![false; self.width()];
+        for word in &self.words {
+            if let Word::Count(place) = *word
+                && let Some(is_count) = counts.get_mut(place)
+            {
+                *is_count = true;
+            }
+        }
+        counts
     }
 
     /// Appends a topic.

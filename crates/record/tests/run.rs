@@ -13,6 +13,7 @@ fn schema() -> RunSchema {
     let mut schema = RunSchema::default();
     schema.push("/platform/believed", ["x_m", "y_m", "heading_rad"]);
     schema.push("/wheels", ["left_rad_s", "right_rad_s"]);
+    schema.words = vec![Word::Bits(4), Word::Bits(1), Word::Bits(0)];
     schema
 }
 
@@ -28,12 +29,17 @@ fn bits(values: &[f64]) -> Vec<u64> {
     values.iter().map(|value| value.to_bits()).collect()
 }
 
+/// The bytes that replay a row, by the schema's words.
+fn replayed(row: &[f64; 5]) -> Vec<u8> {
+    [row[4], row[1], row[0]].iter().flat_map(|value| value.to_le_bytes()).collect()
+}
+
 fn recorded(rows: &[[f64; 5]]) -> Vec<u8> {
     let mut file = Cursor::new(Vec::new());
     let description = BTreeMap::from([("robot".to_owned(), "bmm".to_owned())]);
     let mut run = McapRun::create(&mut file, &schema(), &description).unwrap();
     for (number, row) in rows.iter().enumerate() {
-        run.write_row(number as u64 * 1_000_000, row, &[number as u8; 7]).unwrap();
+        run.write_row(number as u64 * 1_000_000, &bits(row)).unwrap();
     }
     run.finish().unwrap();
     file.into_inner()
@@ -47,7 +53,7 @@ fn every_bit_of_every_cycle_is_read_back() {
     assert_eq!(run.description["robot"], "bmm");
     assert_eq!((run.times_ns.len(), run.times_ns[7]), (rows.len(), 7_000_000));
     assert_eq!(bits(&run.values), bits(&rows.concat()));
-    assert_eq!(run.raw[300], [44; 7]);
+    assert!(run.raw.iter().zip(&rows).all(|(raw, row)| *raw == replayed(row)));
     assert_eq!(run.truncated, None);
     let x: Vec<f64> = run.column("/platform/believed", "x_m").unwrap().collect();
     assert_eq!(x[10], 1.0);
@@ -62,7 +68,7 @@ fn others_see_the_wall_clock_and_the_run_is_read_back_by_its_own_time() {
     let mut run = McapRun::create(&mut file, &schema(), &description).unwrap();
     run.write_event(&RunEvent { time_ns: 5, text: "begun".to_owned() }).unwrap();
     for (number, row) in odd_rows()[..3].iter().enumerate() {
-        run.write_row(number as u64 * 1_000_000, row, &[]).unwrap();
+        run.write_row(number as u64 * 1_000_000, &bits(row)).unwrap();
     }
     run.finish().unwrap();
     let bytes = file.into_inner();
@@ -98,14 +104,15 @@ fn a_file_that_was_cut_off_is_read_to_its_last_whole_chunk() {
 fn a_cycle_in_which_nothing_changed_is_a_cycle() {
     let mut file = Cursor::new(Vec::new());
     let mut run = McapRun::create(&mut file, &schema(), &BTreeMap::new()).unwrap();
+    let row = [1.0, -0.0, f64::NAN, 0.0, 5.0];
     for number in 0..5_u8 {
-        run.write_row(u64::from(number.min(3)), &[1.0, -0.0, f64::NAN, 0.0, 5.0], &[number; 8]).unwrap();
+        run.write_row(u64::from(number.min(3)), &bits(&row)).unwrap();
     }
     run.finish().unwrap();
     let run = RecordedRun::read(&file.into_inner()).unwrap();
     assert_eq!(run.times_ns, [0, 1, 2, 3, 3]);
-    assert_eq!(run.raw, (0..5_u8).map(|number| vec![number; 8]).collect::<Vec<_>>());
-    assert_eq!(bits(&run.values), bits(&[1.0, -0.0, f64::NAN, 0.0, 5.0].repeat(5)));
+    assert_eq!(run.raw, vec![replayed(&row); 5]);
+    assert_eq!(bits(&run.values), bits(&row.repeat(5)));
 }
 
 /// A count above 2⁵³ and a value, of which the words are the bits.
@@ -118,15 +125,14 @@ fn a_cycle_is_one_message_and_its_words_come_back() {
     let rows: Vec<([f64; 5], [u64; 3])> = (0..2500_u64)
         .map(|n| {
             let count = (1 << 60) + n / 1000;
-            let values = [n as f64 * 0.1, 7.0, 0.0, count as f64, (n / 100) as f64];
-            // One row has a word that isn't its value's.
-            let bits = if n == 1700 { 0x1234 } else { values[0].to_bits() };
-            (values, [count, bits, 7])
+            let values = [n as f64 * 0.1, (1 << 63 | n) as f64, 0.0, count as f64, (n / 100) as f64];
+            (values, [count, values[0].to_bits(), 1 << 63 | n])
         })
         .collect();
     let raw = |words: &[u64; 3]| -> Vec<u8> { words.iter().flat_map(|word| word.to_le_bytes()).collect() };
     for (number, (values, words)) in rows.iter().enumerate() {
-        run.write_row(number as u64 * 1_000_000, values, &raw(words)).unwrap();
+        let row = [words[1], words[2], values[2].to_bits(), words[0], values[4].to_bits()];
+        run.write_row(number as u64 * 1_000_000, &row).unwrap();
     }
     run.finish().unwrap();
     let bytes = file.into_inner();
@@ -173,6 +179,34 @@ fn old_channel(
     writer.add_channel(schema, topic, "protobuf", &metadata).unwrap()
 }
 
+/// A message for each cycle, in which counts are doubles: what they don't tell stands beside them, or all of the words does.
+#[test]
+fn recordings_of_counts_as_doubles_are_read_as_ever() {
+    let mut file = Cursor::new(Vec::new());
+    let options = mcap::WriteOptions::new().compression(Some(mcap::Compression::Zstd));
+    let mut writer = mcap::Writer::with_options(&mut file, options).unwrap();
+    let part = field(3, &["x_m", "count"].map(|name| field(2, &field(1, name.as_bytes()))).concat());
+    let descriptor = writer.add_schema("robot", "protobuf", &field(1, &field(4, &part))).unwrap();
+    let told = [("topics", "/place"), ("words", "c1 b0")];
+    let metadata = told.map(|(key, text)| (key.to_owned(), text.to_owned())).into();
+    let channel_id = writer.add_channel(descriptor, "/robot", "protobuf", &metadata).unwrap();
+    let double = |number: u8, value: f64| [&[number << 3 | 1][..], &value.to_le_bytes()].concat();
+    let place = field(3, &[double(1, 0.5), double(2, 4.0)].concat());
+    let count = (1_u64 << 60) + 1;
+    let rest = [&[0, 0][..], &count.to_le_bytes()].concat();
+    for (time, beside) in [(0, field(1, b"all of them")), (1, field(2, &rest))] {
+        let header =
+            mcap::records::MessageHeader { channel_id, sequence: 0, log_time: time, publish_time: time };
+        writer.write_to_known_channel(&header, &[beside, place.clone()].concat()).unwrap();
+    }
+    writer.finish().unwrap();
+    drop(writer);
+    let run = RecordedRun::read(&file.into_inner()).unwrap();
+    assert_eq!(run.values, [0.5, 4.0].repeat(2));
+    let words = [count.to_le_bytes(), 0.5_f64.to_le_bytes()].concat();
+    assert_eq!(run.raw, [b"all of them".to_vec(), words]);
+}
+
 #[test]
 fn recordings_of_a_message_for_each_topic_that_changed_are_read_as_ever() {
     let mut file = Cursor::new(Vec::new());
@@ -213,7 +247,7 @@ fn recordings_of_a_message_for_each_topic_that_changed_are_read_as_ever() {
 #[test]
 fn a_row_of_the_wrong_width_and_a_foreign_file_are_refused() {
     let mut run = McapRun::create(Cursor::new(Vec::new()), &schema(), &BTreeMap::new()).unwrap();
-    let refused = run.write_row(0, &[1.0], &[]);
+    let refused = run.write_row(0, &[1]);
     assert!(matches!(refused, Err(RunError::RowWidth { expected: 5, found: 1 })));
     for (bytes, why) in [
         (
@@ -239,7 +273,7 @@ fn the_recorder_writes_both_files_and_counts() {
     let (recorder, mut sink) = RunRecorder::start(&files, &schema(), OnFull::Wait).unwrap();
     let rows = odd_rows();
     for (number, row) in rows.iter().enumerate() {
-        sink.push_row(number as u64 * 1_000_000, row, b"raw bytes");
+        sink.push_row(number as u64 * 1_000_000, &bits(row));
         if number == 5 {
             sink.push_event(5_000_000, "tracking");
         }
@@ -251,7 +285,7 @@ fn the_recorder_writes_both_files_and_counts() {
 
     let run = RecordedRun::read(&std::fs::read(folder.join("run.mcap")).unwrap()).unwrap();
     assert_eq!(bits(&run.values), bits(&rows.concat()));
-    assert_eq!(run.raw[2999], b"raw bytes");
+    assert_eq!(run.raw[2999], replayed(&rows[2999]));
     assert_eq!((run.events.len(), run.events[0].text.as_str()), (1, "tracking"));
 
     let text = std::fs::read_to_string(folder.join("run.txt")).unwrap();
@@ -322,8 +356,8 @@ fn shown() -> Vec<u8> {
     let mut file = Cursor::new(Vec::new());
     let mut run = McapRun::create(&mut file, &schema, &BTreeMap::new()).unwrap();
     for cycle in 0..40u32 {
-        let row: Vec<f64> = (0..schema.width() as u32).map(|n| f64::from(cycle * n % 7)).collect();
-        run.write_row(u64::from(cycle) * 1_000_000, &row, b"").unwrap();
+        let row: Vec<u64> = (0..schema.width() as u32).map(|n| f64::from(cycle * n % 7).to_bits()).collect();
+        run.write_row(u64::from(cycle) * 1_000_000, &row).unwrap();
     }
     run.write_event(&RunEvent { time_ns: 0, text: "begin".to_owned() }).unwrap();
     run.finish().unwrap();

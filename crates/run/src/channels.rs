@@ -74,7 +74,7 @@ pub struct Rows {
     known: Known,
     values: Vec<Value>,
     row: Vec<f64>,
-    raw: Vec<u8>,
+    words: Vec<u64>,
 }
 
 impl Rows {
@@ -103,8 +103,8 @@ impl Rows {
         }
         let order: Vec<usize> = topics.into_iter().flat_map(|(_, members)| members).collect();
         schema.words = words(&order, &channels);
-        let (row, raw) = (Vec::with_capacity(schema.width()), Vec::with_capacity(8 * order.len()));
-        Rows { values: Vec::with_capacity(order.len()), schema, order, known, row, raw }
+        let (row, words) = (Vec::with_capacity(schema.width()), Vec::with_capacity(schema.width()));
+        Rows { values: Vec::with_capacity(order.len()), schema, order, known, row, words }
     }
 
     /// The columns.
@@ -112,39 +112,43 @@ impl Rows {
         &self.schema
     }
 
-    /// A cycle as numbers in the schema's order, and as exact words in the order of the record's channels.
-    pub fn of(&mut self, record: &CycleRecord, extras: &CycleExtras) -> (&[f64], &[u8]) {
+    /// A cycle as numbers in the schema's order.
+    pub fn of(&mut self, record: &CycleRecord, extras: &CycleExtras) -> &[f64] {
         record.values(&mut self.values);
         self.row.clear();
         self.row.extend(self.order.iter().map(|&number| self.values[number].as_f64()));
-        let Times { round_trip_ns, late_ns, dc_phase_ns, periods, .. } = extras.times;
-        self.row.extend([round_trip_ns, late_ns, extras.compute_ns].map(|ns| ns as f64));
-        let phase_ns = dc_phase_ns.map_or(f64::NAN, |phase_ns| phase_ns as f64);
-        self.row.extend([phase_ns, periods.saturating_sub(1) as f64]);
-        let Errors { believed_m, true_m, heading_rad } = extras.errors;
-        self.row.extend([believed_m, true_m.unwrap_or(f64::NAN), heading_rad]);
-        let Authority { commander, is_emergency, blocked_sticks, joystick } = extras.authority;
-        let codes = [commander.code(), is_emergency.into(), blocked_sticks, joystick.code()];
-        self.row.extend(codes.map(|code| code as f64));
-        self.row.push(extras.moves_again_in_s.unwrap_or(f64::NAN));
-        self.row.extend(extras.bus.values());
-        if self.known == Known::Truth {
-            let truth = extras.truth.unwrap_or_default();
-            let (pose, twist) = (truth.odom_from_body, truth.twist_in_body);
-            self.row.extend([
-                pose.x_m,
-                pose.y_m,
-                pose.heading_rad,
-                twist.vx_m_s,
-                twist.vy_m_s,
-                twist.w_rad_s,
-            ]);
-        }
-        self.raw.clear();
-        for value in &self.values {
-            self.raw.extend_from_slice(&word(*value).to_le_bytes());
-        }
-        (&self.row, &self.raw)
+        beside(self.known, extras, |value| self.row.push(value));
+        &self.row
+    }
+
+    /// A cycle as exact words in the schema's order, as a recording takes them.
+    pub fn words(&mut self, record: &CycleRecord, extras: &CycleExtras) -> &[u64] {
+        record.values(&mut self.values);
+        self.words.clear();
+        self.words.extend(self.order.iter().map(|&number| word(self.values[number])));
+        beside(self.known, extras, |value| self.words.push(value.to_bits()));
+        &self.words
+    }
+}
+
+/// What a row tells beside the record, in the schema's order.
+fn beside(known: Known, extras: &CycleExtras, mut put: impl FnMut(f64)) {
+    let Times { round_trip_ns, late_ns, dc_phase_ns, periods, .. } = extras.times;
+    [round_trip_ns, late_ns, extras.compute_ns].into_iter().for_each(|ns| put(ns as f64));
+    put(dc_phase_ns.map_or(f64::NAN, |phase_ns| phase_ns as f64));
+    put(periods.saturating_sub(1) as f64);
+    let Errors { believed_m, true_m, heading_rad } = extras.errors;
+    [believed_m, true_m.unwrap_or(f64::NAN), heading_rad].into_iter().for_each(&mut put);
+    let Authority { commander, is_emergency, blocked_sticks, joystick } = extras.authority;
+    let codes = [commander.code(), is_emergency.into(), blocked_sticks, joystick.code()];
+    codes.into_iter().for_each(|code| put(code as f64));
+    put(extras.moves_again_in_s.unwrap_or(f64::NAN));
+    extras.bus.values().into_iter().for_each(&mut put);
+    if known == Known::Truth {
+        let truth = extras.truth.unwrap_or_default();
+        let (pose, twist) = (truth.odom_from_body, truth.twist_in_body);
+        let truth = [pose.x_m, pose.y_m, pose.heading_rad, twist.vx_m_s, twist.vy_m_s, twist.w_rad_s];
+        truth.into_iter().for_each(put);
     }
 }
 
@@ -261,10 +265,21 @@ mod tests {
         cycle.measurements.wheels = 3;
         cycle.state.odom_from_body.x_m = 0.1;
         cycle.measurements.drives[2].torque_nm = -0.0;
-        let (row, raw) = rows.of(&cycle, &CycleExtras::default());
+        let row = rows.of(&cycle, &CycleExtras::default()).to_vec();
         assert_eq!(row.len(), schema.width());
         assert_eq!(row[schema.column("/state", "pose_x_m").unwrap()], 0.1);
-        assert_eq!(record(&RecordLayout::of_wheels(3), raw), Ok(cycle));
-        assert_eq!(record(&RecordLayout::of_wheels(4), raw), Err(NotARecord::Channels));
+        let words = rows.words(&cycle, &CycleExtras::default());
+        assert_eq!(words.len(), schema.width());
+        let mut raw = Vec::new();
+        for word in &schema.words {
+            let (place, value) = match *word {
+                Word::Bits(place) => (place, f64::from_bits(words[place])),
+                Word::Count(place) => (place, words[place] as f64),
+            };
+            assert_eq!(value.to_bits(), row[place].to_bits(), "{word:?}");
+            raw.extend_from_slice(&words[place].to_le_bytes());
+        }
+        assert_eq!(record(&RecordLayout::of_wheels(3), &raw), Ok(cycle));
+        assert_eq!(record(&RecordLayout::of_wheels(4), &raw), Err(NotARecord::Channels));
     }
 }

@@ -189,6 +189,6 @@ impl Stepped {
 
     /// The last cycle as a row of a recording.
     pub fn row(&mut self) -> &[f64] {
-        self.rows.of(&self.last, &self.extras).0
+        self.rows.of(&self.last, &self.extras)
     }
 }

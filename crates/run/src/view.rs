@@ -304,7 +304,7 @@ mod tests {
         let mut view = View::new(&robot.plan, rows.schema());
         let mut record = CycleRecord::default();
         record.measurements.wheels = robot.plan.drives.len();
-        let row = rows.of(&record, &CycleExtras::default()).0;
+        let row = rows.of(&record, &CycleExtras::default());
         let ids = |drawing: &Drawing| -> Vec<String> {
             let ids = drawing.entities.iter().map(|entity| entity.id.clone());
             ids.filter(|id| id.starts_with("obstacle") || id == "path").collect()

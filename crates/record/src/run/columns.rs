@@ -1,12 +1,14 @@
 //! A run as a text file of columns with a header line, as Kst and numpy read it.
 
 use super::RunSchema;
+use super::words::number;
 use std::io::{self, BufRead, Write};
 
 /// Writes one line a cycle; the first line names the columns, `time_s` first.
 pub struct ColumnWriter<W: Write> {
     output: W,
-    width: usize,
+    /// Which words of a row are counts.
+    counts: Vec<bool>,
     line: String,
     /// Bytes written.
     length: u64,
@@ -44,25 +46,25 @@ impl<W: Write> ColumnWriter<W> {
         line.push('\n');
         output.write_all(line.as_bytes())?;
         let length = line.len() as u64;
-        Ok(ColumnWriter { output, width: schema.width(), line, length })
+        Ok(ColumnWriter { output, counts: schema.counts(), line, length })
     }
 
     /// Bytes of the file, at most, where a row is written before.
     pub fn length_with_row(&self) -> u64 {
-        self.length + LONGEST_TIME + LONGEST_VALUE * self.width as u64
+        self.length + LONGEST_TIME + LONGEST_VALUE * self.counts.len() as u64
     }
 
-    /// Writes one cycle; every value is read back to the same bits (NaN as `nan`).
-    pub fn write_row(&mut self, time_ns: u64, values: &[f64]) -> Result<(), ColumnError> {
+    /// Writes one cycle; every number is read back to the same bits (NaN as `nan`), and counts as the nearest one.
+    pub fn write_row(&mut self, time_ns: u64, row: &[u64]) -> Result<(), ColumnError> {
         use std::fmt::Write;
-        if values.len() != self.width {
-            return Err(ColumnError::RowWidth { expected: self.width, found: values.len() });
+        if row.len() != self.counts.len() {
+            return Err(ColumnError::RowWidth { expected: self.counts.len(), found: row.len() });
         }
         self.line.clear();
         let _ = write!(self.line, "{}.{:09}", time_ns / 1_000_000_000, time_ns % 1_000_000_000);
-        for value in values {
+        for (word, is_count) in row.iter().zip(&self.counts) {
             // Rust prints the shortest digits that read back to the same bits.
-            let _ = write!(self.line, " {value:e}");
+            let _ = write!(self.line, " {:e}", number(*word, *is_count));
         }
         self.line.push('\n');
         self.length += self.line.len() as u64;

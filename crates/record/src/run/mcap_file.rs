@@ -2,7 +2,7 @@
 //! them; events as text.
 
 use super::protobuf::{self, Kind};
-use super::{RunEvent, RunSchema, SELECTION, Word, words};
+use super::{RunEvent, RunSchema, SELECTION, words};
 use mcap::records::{MessageHeader, Metadata};
 use std::collections::BTreeMap;
 use std::io::{self, Seek, SeekFrom, Write};
@@ -17,8 +17,8 @@ pub(super) const EVENT_TOPIC: &str = "/events";
 pub(super) const TOPICS: &str = "topics";
 /// In the same: the words; where there is none, cycles can't be replayed.
 pub(super) const WORDS: &str = "words";
-/// Fields of a cycle: the bytes that replay it where they aren't its words, what recordings of before don't tell of those, and
-/// the first one that is a topic.
+/// Fields of a cycle: the first one that is a topic; in recordings of before the bytes that replay it where they aren't its
+/// words, and what its counts don't tell of those.
 pub(super) const DATA_FIELD: u32 = 1;
 pub(super) const REST_FIELD: u32 = 2;
 pub(super) const FIRST_TOPIC_FIELD: u32 = 3;
@@ -30,8 +30,9 @@ pub const BEGUN: &str = "begun_unix_ns";
 
 /// Level 1 saves 1.6 % and takes a third longer. (The writer wants it without a sign, and hands its bits on.)
 const ZSTD_LEVEL: i32 = -1;
-/// Bytes of records after which a chunk ends.
-const CHUNK_BYTES: u64 = 768 * 1024;
+/// Bytes of records after which a chunk ends: zstd's window at this level with a block. Of what is longer it looks at two pieces, which
+/// takes half as long again.
+const CHUNK_BYTES: u64 = 640 * 1024;
 /// Time of the run after which a chunk ends, ns: what is lost where the process is killed.
 const CHUNK_NS: u64 = 1_000_000_000;
 /// Bytes of records that are compressed to see whether others still have room.
@@ -82,16 +83,9 @@ pub struct McapRun<W: Write + Seek> {
     writer: mcap::Writer<Measured<W>>,
     /// Signals of each topic.
     topics: Vec<usize>,
-    /// What the words are that replay a row.
-    words: Vec<Word>,
-    /// Of each signal that is a count: its word.
-    counts: Vec<Option<usize>>,
-    /// Where only some signals are recorded they replay nothing.
-    is_replayed: bool,
     cycles: u16,
     events: u16,
     width: usize,
-    row: u32,
     message: Vec<u8>,
     /// A topic's part of it.
     part: Vec<u8>,
@@ -149,18 +143,10 @@ impl<W: Write + Seek> McapRun<W> {
         let mut writer = mcap::Writer::with_options(output, options)?;
         writer.write_metadata(&Metadata { name: METADATA.into(), metadata: description.clone() })?;
         size.metadata += 1;
-        let is_replayed = !description.contains_key(SELECTION);
-        let mut counts = vec![None; schema.width()];
-        for (number, word) in schema.words.iter().enumerate().filter(|_| is_replayed) {
-            if let Word::Count(place) = *word
-                && let Some(count) = counts.get_mut(place)
-            {
-                *count = Some(number);
-            }
-        }
         let names: Vec<&str> = schema.topics.iter().map(|topic| topic.name.as_str()).collect();
         let mut of_cycles = BTreeMap::from([(TOPICS.to_owned(), names.join("\n"))]);
-        if is_replayed {
+        // Where only some signals are recorded they replay nothing.
+        if !description.contains_key(SELECTION) {
             of_cycles.insert(WORDS.to_owned(), words::line(&schema.words));
         }
         let mut channel = |topic: &str, descriptor: &[u8], metadata: &BTreeMap<String, String>| {
@@ -171,20 +157,16 @@ impl<W: Write + Seek> McapRun<W> {
             let schema = writer.add_schema(&format!("omnibase.{name}"), "protobuf", descriptor)?;
             writer.add_channel(schema, topic, "protobuf", metadata)
         };
-        let cycles = channel(CYCLE_TOPIC, &cycle_descriptor(schema, &counts, is_replayed), &of_cycles)?;
+        let cycles = channel(CYCLE_TOPIC, &cycle_descriptor(schema), &of_cycles)?;
         let text = protobuf::descriptor(&message_name(EVENT_TOPIC), &[("text", Kind::Text)]);
         let events = channel(EVENT_TOPIC, &text, &BTreeMap::new())?;
         let begun_unix_ns = description.get(BEGUN).and_then(|ns| ns.parse().ok()).unwrap_or(0);
         let mut run = McapRun {
             writer,
             topics: schema.topics.iter().map(|topic| topic.signals.len()).collect(),
-            words: schema.words.clone(),
-            counts,
-            is_replayed,
             cycles,
             events,
             width: schema.width(),
-            row: 0,
             message: Vec::new(),
             part: Vec::new(),
             size,
@@ -194,42 +176,30 @@ impl<W: Write + Seek> McapRun<W> {
         Ok(run)
     }
 
-    /// Writes one cycle: its time, its values in the schema's order, and the bytes that replay it.
-    pub fn write_row(&mut self, time_ns: u64, values: &[f64], raw: &[u8]) -> Result<(), RunError> {
-        if values.len() != self.width {
-            return Err(RunError::RowWidth { expected: self.width, found: values.len() });
+    /// Writes one cycle: its time, and its words in the schema's order, each a count or the bits of a number.
+    pub fn write_row(&mut self, time_ns: u64, row: &[u64]) -> Result<(), RunError> {
+        if row.len() != self.width {
+            return Err(RunError::RowWidth { expected: self.width, found: row.len() });
         }
         self.message.clear();
-        let (words, _) = raw.as_chunks::<8>();
-        let is_words = words::are_told(&self.words, values, raw);
-        if self.is_replayed && !is_words {
-            protobuf::push_bytes(&mut self.message, DATA_FIELD, raw);
-        }
-        let mut rest = values.iter().zip(&self.counts);
+        let mut rest = row;
         for (number, signals) in (FIRST_TOPIC_FIELD..).zip(&self.topics) {
+            let (topic, others) = rest.split_at(*signals);
+            rest = others;
             self.part.clear();
-            for (field, (value, count)) in (1..).zip(rest.by_ref().take(*signals)) {
-                match count {
-                    None => protobuf::push_double(&mut self.part, field, *value),
-                    Some(word) => {
-                        let count = if is_words { u64::from_le_bytes(words[*word]) } else { *value as u64 };
-                        protobuf::push_count(&mut self.part, field, count);
-                    }
-                }
-            }
+            protobuf::push_words(&mut self.part, topic);
             protobuf::push_bytes(&mut self.message, number, &self.part);
         }
         self.send(self.cycles, time_ns)?;
-        self.row = self.row.wrapping_add(1);
         let is_long = time_ns.saturating_sub(self.size.open_since_ns) >= CHUNK_NS;
         if self.size.open >= CHUNK_BYTES || is_long { self.end_chunk() } else { Ok(()) }
     }
 
-    /// Bytes of the finished file, at most, where a row with so many raw bytes is written before.
-    pub fn length_with_row(&self, raw: usize) -> u64 {
+    /// Bytes of the finished file, at most, where a row is written before.
+    pub fn length_with_row(&self) -> u64 {
         // A field's number takes up to two bytes, a count up to ten; a part's number and length up to six.
         let row = 12 * self.width as u64 + 6 * self.topics.len() as u64 + MESSAGE_BYTES;
-        self.size.at_most(row + raw as u64 + 16)
+        self.size.at_most(row + 16)
     }
 
     /// As [`McapRun::length_with_row`], where so many bytes of words are written before.
@@ -277,7 +247,8 @@ impl<W: Write + Seek> McapRun<W> {
     fn send(&mut self, channel_id: u16, time_ns: u64) -> Result<(), RunError> {
         // Programs of others show the log time; the run's own is what is read back.
         let log_time = self.begun_unix_ns.saturating_add(time_ns);
-        let header = MessageHeader { channel_id, sequence: self.row, log_time, publish_time: time_ns };
+        // Cycles have their own number among their signals; a second one takes 4 bytes.
+        let header = MessageHeader { channel_id, sequence: 0, log_time, publish_time: time_ns };
         if self.size.open == 0 {
             self.size.open_since_ns = time_ns;
         }
@@ -314,8 +285,9 @@ impl<W: Seek> Seek for Measured<W> {
 }
 
 /// What explains a cycle's message to a reader.
-fn cycle_descriptor(schema: &RunSchema, counts: &[Option<usize>], is_replayed: bool) -> Vec<u8> {
-    let mut kinds = counts.iter().map(|count| if count.is_some() { Kind::Count } else { Kind::Double });
+fn cycle_descriptor(schema: &RunSchema) -> Vec<u8> {
+    let counts = schema.counts().into_iter();
+    let mut kinds = counts.map(|is_count| if is_count { Kind::Count } else { Kind::Double });
     let mut parts: Vec<(String, String, Vec<u8>)> = Vec::new();
     for topic in &schema.topics {
         let words = topic.name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
@@ -331,11 +303,10 @@ fn cycle_descriptor(schema: &RunSchema, counts: &[Option<usize>], is_replayed: b
         parts.push((name, kind, message));
     }
     let own = message_name(CYCLE_TOPIC);
-    let words = is_replayed.then(|| protobuf::field("replay_data", DATA_FIELD, &Kind::Bytes)).into_iter();
     let of_topics = (FIRST_TOPIC_FIELD..).zip(&parts).map(|(number, (name, kind, _))| {
         protobuf::field(name, number, &Kind::Part(format!(".omnibase.{own}.{kind}")))
     });
-    let fields: Vec<_> = words.chain(of_topics).collect();
+    let fields: Vec<_> = of_topics.collect();
     let nested: Vec<_> = parts.iter().map(|(.., message)| message.clone()).collect();
     protobuf::file(&own, &protobuf::message(&own, &fields, &nested, &[]))
 }

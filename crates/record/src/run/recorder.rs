@@ -3,7 +3,7 @@
 use super::columns::complete_rows;
 use super::writers::{KeptFiles, Writers};
 use super::{
-    ColumnError, Due, Keep, RecordedRun, Rotation, RunError, RunEvent, RunSchema, SELECTION, Selection,
+    ColumnError, Due, Keep, RecordedRun, Rotation, RunError, RunEvent, RunSchema, SELECTION, Selection, Word,
 };
 use crate::ring::take;
 use rtrb::{Consumer, Producer, RingBuffer};
@@ -17,7 +17,7 @@ use std::sync::mpsc;
 use std::thread::JoinHandle;
 use std::time::Duration;
 
-/// Words of the ring: 32 MiB, some 20 s of a robot with four wheels at 1 kHz.
+/// Words of the ring: 32 MiB, some 17 s of a robot with four wheels at 1 kHz.
 const RING: usize = 4 * 1024 * 1024;
 /// How long the writer rests when the ring is empty.
 const REST: Duration = Duration::from_millis(2);
@@ -98,8 +98,10 @@ pub struct RunSink {
     count: Arc<Count>,
     on_full: OnFull,
     due: Due,
-    /// Places of the recorded signals in a row; `None`: all, and the bytes that replay it.
-    columns: Option<Vec<usize>>,
+    /// The recorded signals of a row; `None`: all of them, as they are.
+    chosen: Option<Vec<Word>>,
+    /// A row on its way into the ring, behind its header.
+    entry: Vec<u64>,
 }
 
 /// What went in, and what came out.
@@ -114,23 +116,42 @@ struct Count {
 }
 
 impl RunSink {
-    /// Hands over one cycle: its time, its values in the schema's order, and the bytes that replay it.
-    pub fn push_row(&mut self, time_ns: u64, values: &[f64], raw: &[u8]) {
+    /// Hands over one cycle: its time, and its words in the schema's order, each a count or the bits of a number.
+    pub fn push_row(&mut self, time_ns: u64, row: &[u64]) {
         if !self.due.take(time_ns) {
             return;
         }
-        let Some(columns) = self.columns.take() else {
-            let words = values.iter().map(|value| value.to_bits());
-            return self.push(ROW, time_ns, words.len(), words, raw);
-        };
-        let words = columns.iter().map(|&column| values.get(column).map_or(0, |value| value.to_bits()));
-        self.push(ROW, time_ns, words.len(), words, &[]);
-        self.columns = Some(columns);
+        self.count.cycles.fetch_add(1, Ordering::Relaxed);
+        self.entry.clear();
+        self.entry.extend([0, time_ns]);
+        match &self.chosen {
+            None => self.entry.extend_from_slice(row),
+            // They replay nothing, and stand there as numbers.
+            Some(chosen) => self.entry.extend(chosen.iter().map(|word| match *word {
+                Word::Bits(place) => row.get(place).copied().unwrap_or(0),
+                Word::Count(place) => row.get(place).map_or(0, |count| (*count as f64).to_bits()),
+            })),
+        }
+        self.entry[0] = ROW | ((self.entry.len() - HEADER) as u64) << 8;
+        if self.has_room(self.entry.len()) {
+            // There is room.
+            let _ = self.ring.push_entire_slice(&self.entry);
+        }
     }
 
     /// Hands over an event.
     pub fn push_event(&mut self, time_ns: u64, text: &str) {
-        self.push(EVENT, time_ns, 0, std::iter::empty(), text.as_bytes());
+        let (whole, last) = text.as_bytes().as_chunks::<8>();
+        let mut rest = [0; 8];
+        rest[..last.len()].copy_from_slice(last);
+        let rest = (!last.is_empty()).then_some(&rest);
+        let words = whole.iter().chain(rest).map(|word| u64::from_le_bytes(*word));
+        let length = HEADER + text.len().div_ceil(8);
+        if !self.has_room(length) {
+            self.count.events_dropped.fetch_add(1, Ordering::Relaxed);
+        } else if let Ok(chunk) = self.ring.write_chunk_uninit(length) {
+            chunk.fill_from_iter([EVENT | (text.len() as u64) << 8, time_ns].into_iter().chain(words));
+        }
     }
 
     /// Whether nobody takes the records any more: the disk is full, or the writer died.
@@ -138,68 +159,18 @@ impl RunSink {
         self.ring.is_abandoned()
     }
 
-    fn push(
-        &mut self,
-        kind: u64,
-        time_ns: u64,
-        count: usize,
-        words: impl Iterator<Item = u64>,
-        bytes: &[u8],
-    ) {
-        if kind == ROW {
-            self.count.cycles.fetch_add(1, Ordering::Relaxed);
-        }
-        let length = HEADER + count + bytes.len().div_ceil(8);
-        let head = [kind | (count as u64) << 8 | (bytes.len() as u64) << 32, time_ns];
-        if self.is_broken() {
-            return self.drop(kind);
-        }
-        while self.ring.slots() < length {
-            if self.on_full == OnFull::Drop || self.is_broken() {
-                return self.drop(kind);
+    /// Whether there is room for an entry of so many words; waits for it where it may.
+    fn has_room(&self, length: usize) -> bool {
+        while !self.is_broken() {
+            if self.ring.slots() >= length {
+                return true;
+            }
+            if self.on_full == OnFull::Drop {
+                return false;
             }
             std::thread::yield_now();
         }
-        let (whole, last) = bytes.as_chunks::<8>();
-        let mut rest = [0; 8];
-        rest[..last.len()].copy_from_slice(last);
-        let rest = (!last.is_empty()).then_some(&rest);
-        let packed = whole.iter().chain(rest).map(|word| u64::from_le_bytes(*word));
-        if let Ok(mut chunk) = self.ring.write_chunk(length) {
-            let (first, second) = chunk.as_mut_slices();
-            let mut room = Room { first, second };
-            room.put(head.into_iter());
-            room.put(words);
-            room.put(packed);
-            chunk.commit_all();
-        }
-    }
-
-    /// Cycles that come to nothing are seen by what came out.
-    fn drop(&mut self, kind: u64) {
-        if kind == EVENT {
-            self.count.events_dropped.fetch_add(1, Ordering::Relaxed);
-        }
-    }
-}
-
-/// Room in the ring, in two pieces where it goes round.
-struct Room<'a> {
-    first: &'a mut [u64],
-    second: &'a mut [u64],
-}
-
-impl Room<'_> {
-    /// Puts words into it; there is room for them.
-    fn put(&mut self, mut words: impl Iterator<Item = u64>) {
-        for piece in [&mut self.first, &mut self.second] {
-            let mut filled = 0;
-            for (slot, word) in piece.iter_mut().zip(words.by_ref()) {
-                *slot = word;
-                filled += 1;
-            }
-            *piece = &mut std::mem::take(piece)[filled..];
-        }
+        false
     }
 }
 
@@ -259,13 +230,14 @@ impl RunRecorder {
         on_full: OnFull,
     ) -> Result<(RunRecorder, RunSink), RecorderError> {
         let mut files = files.clone();
-        let mut columns = None;
+        let mut chosen = None;
         let mut recorded = schema.clone();
         if let Some(words) = files.selection.words(schema) {
             files.description.insert(SELECTION.to_owned(), words);
-            let chosen = files.selection.columns(schema);
-            recorded = schema.only(&chosen);
-            columns = Some(chosen);
+            let (columns, counts) = (files.selection.columns(schema), schema.counts());
+            recorded = schema.only(&columns);
+            let word = |place: usize| if counts[place] { Word::Count(place) } else { Word::Bits(place) };
+            chosen = Some(columns.into_iter().map(word).collect());
         }
         let due = Due::new(&files.selection);
         let kept = KeptFiles::default();
@@ -278,7 +250,8 @@ impl RunRecorder {
             .name("recorder".to_owned())
             .spawn(move || drain(consumer, &described, writers, &counted.written))
             .map_err(|source| RecorderError::File { path: PathBuf::from("recorder thread"), source })?;
-        let sink = RunSink { ring, count: count.clone(), on_full, due, columns };
+        let entry = Vec::with_capacity(HEADER + schema.width());
+        let sink = RunSink { ring, count: count.clone(), on_full, due, chosen, entry };
         Ok((RunRecorder { thread, count, kept, describe }, sink))
     }
 
@@ -364,7 +337,6 @@ fn drain(
     written: &AtomicU64,
 ) -> Result<Writers, RecorderError> {
     let mut words = Vec::new();
-    let (mut values, mut bytes) = (Vec::new(), Vec::new());
     loop {
         // Asked first: what was pushed before the sink went is seen below.
         let ended = ring.is_abandoned();
@@ -372,20 +344,15 @@ fn drain(
         while take(&mut ring, HEADER, &mut words) {
             // What was described before a cycle stands in its file, however many of them wait here.
             tell(described, &mut writers)?;
-            let (head, time_ns) = (words[0], words[1]);
-            let (count, length) = ((head >> 8 & 0xFF_FFFF) as usize, (head >> 32) as usize);
+            let (kind, length, time_ns) = (words[0] & 0xFF, (words[0] >> 8) as usize, words[1]);
             // Header and content were committed together.
-            take(&mut ring, count + length.div_ceil(8), &mut words);
-            values.clear();
-            values.extend(words[..count].iter().map(|word| f64::from_bits(*word)));
-            bytes.resize(8 * (words.len() - count), 0);
-            let whole = bytes.as_chunks_mut::<8>().0.iter_mut();
-            whole.zip(&words[count..]).for_each(|(bytes, word)| *bytes = word.to_le_bytes());
-            bytes.truncate(length);
-            if head & 0xFF == EVENT {
+            if kind == EVENT {
+                take(&mut ring, length.div_ceil(8), &mut words);
+                let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).take(length).collect();
                 writers.event(&RunEvent { time_ns, text: String::from_utf8_lossy(&bytes).into_owned() })?;
             } else {
-                writers.row(time_ns, &values, &bytes)?;
+                take(&mut ring, length, &mut words);
+                writers.row(time_ns, &words)?;
                 written.fetch_add(1, Ordering::Relaxed);
             }
         }

@@ -15,14 +15,9 @@ pub enum Word {
 const NUMBER_BYTES: usize = 2;
 const ENTRY_BYTES: usize = NUMBER_BYTES + 8;
 
-/// Whether these bytes are those words, each of them the bits of its value or a count.
-pub(super) fn are_told(words: &[Word], values: &[f64], raw: &[u8]) -> bool {
-    let (exact, rest) = raw.as_chunks::<8>();
-    let is_told = |(word, exact): (&Word, &[u8; 8])| match *word {
-        Word::Bits(place) => values.get(place).is_some_and(|value| value.to_le_bytes() == *exact),
-        Word::Count(place) => place < values.len(),
-    };
-    rest.is_empty() && !words.is_empty() && exact.len() == words.len() && words.iter().zip(exact).all(is_told)
+/// A word of a row as a number: a count as the nearest one, else what its bits are of.
+pub(super) fn number(word: u64, is_count: bool) -> f64 {
+    if is_count { word as f64 } else { f64::from_bits(word) }
 }
 
 /// All bytes of the words, by the row's values, its counts, and what those don't tell.

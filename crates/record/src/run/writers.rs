@@ -65,7 +65,7 @@ impl Writers {
         Ok(writers)
     }
 
-    pub(super) fn row(&mut self, time_ns: u64, values: &[f64], raw: &[u8]) -> Result<(), RecorderError> {
+    pub(super) fn row(&mut self, time_ns: u64, row: &[u64]) -> Result<(), RecorderError> {
         let description = &mut self.files.description;
         self.over.retain(|(key, since_ns)| {
             let is_over = time_ns >= *since_ns;
@@ -74,14 +74,14 @@ impl Writers {
             }
             !is_over
         });
-        self.make_room(|writers| writers.length_with_row(raw.len()))?;
+        self.make_room(|writers| writers.length_with_row())?;
         if let Some((path, mcap)) = &mut self.mcap {
-            mcap.write_row(time_ns, values, raw)
+            mcap.write_row(time_ns, row)
                 .map_err(|source| RecorderError::Mcap { path: path.clone(), source })?;
         }
         if let Some((path, columns)) = &mut self.columns {
             columns
-                .write_row(time_ns, values)
+                .write_row(time_ns, row)
                 .map_err(|source| RecorderError::Columns { path: path.clone(), source })?;
         }
         self.cycles += 1;
@@ -179,12 +179,12 @@ impl Writers {
             self.columns = Some((path, columns));
         }
         // Better known before anything moves.
-        self.has_room(self.length_with_row(0))
+        self.has_room(self.length_with_row())
     }
 
-    /// Bytes of the longer one of the finished files, at most, where a row with so many raw bytes is written before.
-    fn length_with_row(&self, raw: usize) -> u64 {
-        let mcap = self.mcap.as_ref().map_or(0, |(_, mcap)| mcap.length_with_row(raw));
+    /// Bytes of the longer one of the finished files, at most, where a row is written before.
+    fn length_with_row(&self) -> u64 {
+        let mcap = self.mcap.as_ref().map_or(0, |(_, mcap)| mcap.length_with_row());
         mcap.max(self.columns.as_ref().map_or(0, |(_, columns)| columns.length_with_row()))
     }
 

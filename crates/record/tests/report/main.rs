@@ -178,7 +178,8 @@ fn recorded(run: &RecordedRun) -> Vec<u8> {
     let mut file = Cursor::new(Vec::new());
     let mut recording = McapRun::create(&mut file, &run.schema, &run.description).unwrap();
     for (row, time_ns) in run.values.chunks_exact(run.schema.width()).zip(&run.times_ns) {
-        recording.write_row(*time_ns, row, b"raw").unwrap();
+        let words: Vec<u64> = row.iter().map(|value| value.to_bits()).collect();
+        recording.write_row(*time_ns, &words).unwrap();
     }
     run.events.iter().for_each(|event| recording.write_event(event).unwrap());
     recording.finish().unwrap();

@@ -29,6 +29,7 @@ pub(crate) fn body_rows(
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Estimate<const N: usize> {
     pub(crate) theta: [f64; N],
+    /// Symmetric to the bit.
     pub(crate) covariance: [[f64; N]; N],
 }
 
@@ -49,9 +50,13 @@ impl<const N: usize> Estimate<N> {
 
     /// The variance of what `row` tells, and how each parameter goes with it.
     pub(crate) fn spread(&self, row: &[f64; N]) -> (f64, [f64; N]) {
-        let spread: [f64; N] = std::array::from_fn(|index| {
-            self.covariance[index].iter().zip(row).map(|(covariance, row)| covariance * row).sum()
-        });
+        // Line by line, all parameters at once: symmetric as it is, the bits are those of each one's own sum.
+        let mut spread = self.covariance[0].map(|covariance| covariance * row[0]);
+        for (line, row) in self.covariance.iter().zip(row).skip(1) {
+            for (spread, covariance) in spread.iter_mut().zip(line) {
+                *spread += covariance * row;
+            }
+        }
         (row.iter().zip(&spread).map(|(row, spread)| row * spread).sum(), spread)
     }
 
@@ -95,6 +100,30 @@ impl<const N: usize> Estimate<N> {
         if moment > most {
             self.theta[4] *= most / moment;
             self.theta[5] *= most / moment;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_taken_leaves_it_symmetric_and_sums_have_the_bits_of_each_ones_own() {
+        let mut estimate = Estimate::new([70.0, 5.0, 3.0, 2.0, 0.1, -0.2], [30.0, 4.0, 9.0, 8.0, 2.0, 1.0]);
+        for step in 0..50 {
+            let row: [f64; BODY] = std::array::from_fn(|index| {
+                if (step + index) % 4 == 0 { 0.0 } else { (f64::from(7 * step as u32 + index as u32)).sin() }
+            });
+            let (known, spread) = estimate.spread(&row);
+            for (line, spread) in estimate.covariance.iter().zip(spread) {
+                let own: f64 = line.iter().zip(row).map(|(covariance, row)| covariance * row).sum();
+                assert_eq!(own.to_bits(), spread.to_bits());
+            }
+            estimate.take(&spread, known + 0.3, 0.1 * f64::from(step as u32));
+            for (index, line) in estimate.covariance.iter().enumerate() {
+                assert!(line.iter().zip(&estimate.covariance).all(|(one, other)| *one == other[index]));
+            }
         }
     }
 }

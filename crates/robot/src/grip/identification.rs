@@ -245,9 +245,7 @@ impl Identification {
 
     /// How uncertain the mass is, one standard deviation, kg.
     pub(super) fn mass_sigma_kg(&self) -> f64 {
-        let mut row = [0.0; BODY];
-        row[0] = 1.0;
-        self.estimate.spread(&row).0.max(0.0).sqrt()
+        self.estimate.covariance[0][0].max(0.0).sqrt()
     }
 
     /// By how much less than it tells a motion may resist, one standard deviation, N and N·m: what is told as little as can be

@@ -36,7 +36,7 @@ fn recorded(plan: &RobotPlan, change: impl Fn(u64, &mut CycleRecord)) -> Recorde
         cycle.signals.inputs[9] = 0.25;
         change(index, &mut cycle);
         run.times_ns.push(cycle.time.now_ns);
-        run.values.extend(rows.of(&cycle, &CycleExtras::default()).0);
+        run.values.extend(rows.of(&cycle, &CycleExtras::default()));
     }
     run
 }

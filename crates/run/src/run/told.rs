@@ -51,8 +51,7 @@ impl Cycle<'_> {
     pub(super) fn record(&mut self, extras: &CycleExtras) {
         let (now_ns, phase) = (self.last.time.now_ns, self.robot.phase());
         if let Some((rows, sink)) = &mut self.recording {
-            let (values, raw) = rows.of(&self.last, extras);
-            sink.push_row(now_ns, values, raw);
+            sink.push_row(now_ns, rows.words(&self.last, extras));
             if sink.is_broken() && !self.recording_lost {
                 self.recording_lost = true;
                 self.happened(now_ns, "the recording ended early: records are dropped from here on".into());
