@@ -4,7 +4,7 @@ use nalgebra::Matrix3;
 use omnibase_platform::{BodyStep, Pose2, wrap_angle_rad};
 
 use super::lean::{OF_POSES_S, share_of};
-use super::{ARM_M, CLOCKS, Epoch, GATES, Heard, Knowledge, REPEATS_SIGMAS};
+use super::{ARM_M, Epoch, FLAWS, GATES, Heard, Knowledge, REPEATS_SIGMAS, Unshown};
 use crate::belief::{Belief, OWN, Row, Rows, SLIP};
 use crate::sensor::Sensor;
 use crate::standing::Verdict;
@@ -103,7 +103,8 @@ impl Epoch {
                 &innovation.off(),
             );
             known.doubt = lean.by().map_or([0.0; 2], |[x, y, turn]| [x.hypot(y), turn.abs()]);
-            known.take_in(&innovation, [None; CLOCKS], true);
+            known.unshown = Unshown::default();
+            known.take_in(&innovation, [None; FLAWS], true);
             return;
         }
         if !agrees {
@@ -134,7 +135,7 @@ impl Epoch {
                     let then = heard.map_from_sensor.then(sensor.body_from_sensor.inverse());
                     let noise = noise_of(sensor, heard);
                     known.belief.place(then.then(back.inverse()), place_noise(&noise, sensor));
-                    known.doubt = [0.0; 2];
+                    (known.doubt, known.unshown) = ([0.0; 2], Unshown::default());
                     known.standings[heard.sensor].trust(heard.instant_ns);
                 }
             }

@@ -4,6 +4,7 @@ mod clocks;
 mod consistency;
 mod faults;
 mod faulty;
+mod held;
 mod inertial;
 mod lively;
 mod order;
