@@ -111,7 +111,7 @@ pub struct Knowledge {
     pub standings: [Standing; MAX_SENSORS],
     /// A pose told where the platform is, or somebody did.
     pub is_placed: bool,
-    /// What it may be off beside its covariance, m and rad, because a sensor contradicts.
+    /// What it may be off beside its covariance, m and rad, because a sensor that tells speeds contradicts.
     pub doubt: [f64; 2],
     /// For so long yet a floor may be giving way, s: wheels were strongly accelerated, or slip as forces tell.
     pub strained_s: f64,
@@ -138,6 +138,12 @@ pub struct Knowledge {
 }
 
 impl Knowledge {
+    /// What it may be off beside its covariance, m and rad, because a sensor contradicts, by the one that says most.
+    pub(crate) fn doubts(&self) -> [f64; 2] {
+        let all = self.standings.iter().map(|standing| standing.doubted);
+        all.fold(self.doubt, |most, one| [most[0].max(one[0]), most[1].max(one[1])])
+    }
+
     /// How far a wheel drove, whichever way, m.
     fn driven_m(&self) -> f64 {
         self.driven[0] + ARM_M * self.driven[1]
@@ -263,7 +269,7 @@ impl Epoch {
             Rates { epoch: self, sensors, step, gain, change, slow, slip_drive }.take(known);
         }
         for heard in self.poses.iter().flatten() {
-            self.take_pose(&sensors[heard.sensor], heard, known, truly);
+            self.take_pose(sensors, heard, known, truly);
         }
         known.judge_flaws(sensors, self.end_ns);
     }

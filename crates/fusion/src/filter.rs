@@ -277,7 +277,7 @@ impl Filter {
         for ((covariance, by_flaws), unshown) in covariance.iter_mut().zip(known.by_flaws()).zip(unshown) {
             *covariance += by_flaws + unshown;
         }
-        let [doubt_m, doubt_rad] = known.doubt;
+        let [doubt_m, doubt_rad] = known.doubts();
         covariance[0] += doubt_m * doubt_m;
         covariance[3] += doubt_m * doubt_m;
         covariance[5] += doubt_rad * doubt_rad;

@@ -9,4 +9,5 @@ mod inertial;
 mod lively;
 mod order;
 mod silence;
+mod two_poses;
 mod world;
