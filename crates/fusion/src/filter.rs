@@ -117,7 +117,8 @@ pub struct Filter {
     /// The first epoch into which something came late.
     late_from: Option<u64>,
     now_ns: u64,
-    last_heard_ns: [Option<u64>; MAX_SENSORS],
+    /// When each was heard last, or the first cycle was: by arrival, for what is late isn't silent, ns.
+    last_heard_ns: [u64; MAX_SENSORS],
     epoch_ns: u64,
     begun: bool,
     /// Readings that were older than all that is kept, or of too many.
@@ -177,7 +178,7 @@ impl Filter {
             again: None,
             late_from: None,
             now_ns: 0,
-            last_heard_ns: [None; MAX_SENSORS],
+            last_heard_ns: [0; MAX_SENSORS],
             begun: false,
             left_out: 0,
         }
@@ -216,6 +217,9 @@ impl Filter {
         let time_s =
             now_ns.saturating_sub(self.now_ns.max(now_ns.saturating_sub(10_000_000_000))) as f64 * 1e-9;
         let is_first = self.now_ns == 0;
+        if is_first {
+            self.last_heard_ns = [now_ns; MAX_SENSORS];
+        }
         let period_s = self.settings.period_ns as f64 * 1e-9;
         self.now_ns = now_ns;
         let epoch = &mut self.epochs[(self.open % KEPT) as usize];
@@ -244,8 +248,7 @@ impl Filter {
             self.left_out += u64::from(is_sound);
             return false;
         }
-        let heard = &mut self.last_heard_ns[sensor];
-        *heard = Some(heard.map_or(instant_ns, |last_ns| last_ns.max(instant_ns)));
+        self.last_heard_ns[sensor] = self.now_ns;
         let rate = self.rates[sensor];
         if !self.at_mut(number).hear(sensor, rate, instant_ns, reading) {
             self.left_out += 1;
@@ -295,8 +298,7 @@ impl Filter {
         else {
             return (Verdict::Awaited, 0.0);
         };
-        let silent = self.last_heard_ns[sensor]
-            .is_some_and(|last_ns| self.now_ns.saturating_sub(last_ns) > known.silent_ns);
+        let silent = self.now_ns.saturating_sub(self.last_heard_ns[sensor]) > known.silent_ns;
         (if silent { Verdict::Silent } else { standing.verdict }, standing.nis)
     }
 

@@ -8,7 +8,7 @@ pub enum Verdict {
     Awaited,
     /// It agrees with the others.
     Good,
-    /// It fell silent.
+    /// It fell silent, or never spoke.
     Silent,
     /// It says the same again and again while the platform moves.
     Frozen,
