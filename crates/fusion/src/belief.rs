@@ -321,6 +321,33 @@ impl Belief {
         }
     }
 
+    /// The pose may be off by more: xx, xy, xψ, yy, yψ, ψψ.
+    pub(crate) fn widen_pose(&mut self, [xx, xy, xh, yy, yh, hh]: [f64; 6]) {
+        for (row, values) in [[xx, xy, xh], [xy, yy, yh], [xh, yh, hh]].iter().enumerate() {
+            for (column, value) in values.iter().enumerate() {
+                self.covariance[row][column] += value;
+            }
+        }
+    }
+
+    /// Nothing is known of the wheels but what was said of them, nor whether they slip now.
+    pub(crate) fn forget_wheels(&mut self, geometry: &SMatrix<f64, 9, 9>) {
+        for place in GEOMETRY..OWN {
+            self.errors[place - 3] = 0.0;
+            let variance = self.covariance[place][place];
+            for other in 0..STATES {
+                self.covariance[place][other] = 0.0;
+                self.covariance[other][place] = 0.0;
+            }
+            self.covariance[place][place] = variance;
+        }
+        for row in 0..9 {
+            for column in 0..9 {
+                self.covariance[GEOMETRY + row][GEOMETRY + column] = geometry[(row, column)];
+            }
+        }
+    }
+
     /// Covariance of the pose: xx, xy, xψ, yy, yψ, ψψ.
     pub fn pose_covariance(&self) -> [f64; 6] {
         let p = &self.covariance;

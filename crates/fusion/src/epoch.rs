@@ -2,12 +2,13 @@
 //!
 //! Readings of speeds count as their mean over the epoch; poses at their own instants, on the arc of the epoch's step.
 
-mod clocks;
+mod flaws;
 mod inertial;
 mod lags;
 mod lean;
 mod poses;
 mod rates;
+mod unshown;
 
 use omnibase_platform::{BodyStep, Pose2};
 
@@ -15,12 +16,13 @@ use crate::belief::{Belief, OWN, slip_kept};
 use crate::filter::FilterSettings;
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::Standing;
-use clocks::WHEELS;
-pub use clocks::{CLOCKS, Clock};
+use flaws::WHEELS;
+pub use flaws::{FLAWS, Flaw};
 pub use inertial::Inertia;
 pub use lags::Lag;
 pub use lean::Lean;
 use rates::Rates;
+pub use unshown::Unshown;
 
 /// Poses of one epoch; those beyond are left out.
 pub const MAX_POSES: usize = 8;
@@ -109,7 +111,7 @@ pub struct Knowledge {
     pub standings: [Standing; MAX_SENSORS],
     /// A pose told where the platform is, or somebody did.
     pub is_placed: bool,
-    /// What it may be off beside its covariance, m and rad, because a sensor contradicts.
+    /// What it may be off beside its covariance, m and rad, because a sensor that tells speeds contradicts.
     pub doubt: [f64; 2],
     /// For so long yet a floor may be giving way, s: wheels were strongly accelerated, or slip as forces tell.
     pub strained_s: f64,
@@ -125,8 +127,10 @@ pub struct Knowledge {
     pub driven: [f64; 2],
     /// What is known of accelerometers, by their places among those that tell speeds.
     pub inertia: [Inertia; MAX_RATES],
-    /// What is known of the clocks of those that tell speeds, and of the wheels'.
-    pub clocks: [Clock; CLOCKS],
+    /// What is known of the flaws of those that tell speeds, and of the wheels' clocks.
+    pub flaws: [Flaw; FLAWS],
+    /// What gyros that weren't shown right may have made of the pose.
+    pub unshown: Unshown,
     /// How those that tell speeds are off as what they tell changes.
     pub lags: [Lag; MAX_RATES],
     /// What each sensor was off lately.
@@ -134,21 +138,27 @@ pub struct Knowledge {
 }
 
 impl Knowledge {
+    /// What it may be off beside its covariance, m and rad, because a sensor contradicts, by the one that says most.
+    pub(crate) fn doubts(&self) -> [f64; 2] {
+        let all = self.standings.iter().map(|standing| standing.doubted);
+        all.fold(self.doubt, |most, one| [most[0].max(one[0]), most[1].max(one[1])])
+    }
+
     /// How far a wheel drove, whichever way, m.
     fn driven_m(&self) -> f64 {
         self.driven[0] + ARM_M * self.driven[1]
     }
 
-    /// By how much the twist grew in a second lately. This epoch's has no part in it: what wheels slip in it would seem to have to
-    /// do with what sensors are off.
-    fn next_change(&mut self, time_s: f64) -> [f64; 3] {
+    /// By how much the twist grew in a second lately, and what it was. This epoch's has no part in it: what wheels slip in it would
+    /// seem to have to do with what sensors are off.
+    fn next_change(&mut self, time_s: f64) -> [[f64; 3]; 2] {
         let share = 1.0 - (-time_s / SMOOTHED_S).exp();
-        let change = self.change;
+        let before = [self.change, self.slow];
         for (slow, now) in self.slow.iter_mut().zip(self.twist) {
             *slow += share * (now - *slow);
         }
         self.change = std::array::from_fn(|n| (self.twist[n] - self.slow[n]) / SMOOTHED_S);
-        change
+        before
     }
 
     /// Notices when wheels are accelerated as floors may not carry; by how much the twist grows in a second.
@@ -226,20 +236,23 @@ impl Epoch {
         for sigma in &mut sigma {
             *sigma = sigma.hypot(self.slip_m_s);
         }
-        let change = known.next_change(self.time_s);
+        let [change, slow] = known.next_change(self.time_s);
+        let slow = settings.surely(slow);
         let gain = known.strain(step, self.time_s, self.slip_m_s);
         self.feel(sensors, step, gain, known);
-        known.forget_clocks(self.time_s);
+        known.forget_flaws(self.time_s);
         let longer = change.map(|change| change * self.time_s);
-        let longer = |clock| match WHEELS.iter().position(|wheels| *wheels == clock) {
+        let longer = |flaw| match WHEELS.iter().position(|wheels| *wheels == flaw) {
             Some(0) => [longer[0], longer[1], 0.0],
             Some(_) => [0.0, 0.0, longer[2]],
             None => [0.0; 3],
         };
-        let Knowledge { belief, clocks, .. } = known;
-        let drawn = clocks.iter_mut().enumerate();
-        let drawn = drawn.map(|(n, clock)| (&mut clock.drawn, longer(n)));
+        let Knowledge { belief, flaws, .. } = known;
+        let drawn = flaws.iter_mut().enumerate();
+        let drawn = drawn.map(|(n, flaw)| (&mut flaw.drawn, longer(n)));
+        let from = belief.map_from_body;
         let truly = belief.advance(step, self.time_s, sigma, drawn);
+        self.count_unshown(settings, sensors, from, truly, known);
         known.driven[0] += step.distance_m();
         known.driven[1] += step.angle_rad.abs();
         let [way_m, turn_rad] = self.unread;
@@ -253,12 +266,12 @@ impl Epoch {
         if !self.has_gap {
             let keep = slip_kept(self.time_s);
             let slip_drive = sigma.map(|sigma| sigma * sigma * (1.0 - keep * keep));
-            Rates { epoch: self, sensors, step, gain, change, slip_drive }.take(known);
+            Rates { epoch: self, sensors, step, gain, change, slow, slip_drive }.take(known);
         }
         for heard in self.poses.iter().flatten() {
-            self.take_pose(&sensors[heard.sensor], heard, known, truly);
+            self.take_pose(sensors, heard, known, truly);
         }
-        known.judge_clocks(sensors, self.end_ns);
+        known.judge_flaws(sensors, self.end_ns);
     }
 }
 

@@ -7,7 +7,7 @@ use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, CovarianceSettings, Kinematics, Pose2};
 
 use crate::belief::{Belief, OWN, SLIP_TIME_S};
-use crate::epoch::{CLOCKS, Clock, Epoch, Inertia, Knowledge, Lag, Lean, rates};
+use crate::epoch::{Epoch, Flaw, Inertia, Knowledge, Lag, Lean, Unshown, rates};
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::{Standing, Verdict};
 
@@ -23,6 +23,8 @@ const UNKNOWN_M: f64 = 10.0;
 const EPOCH_NS: u64 = 5_000_000;
 /// Epochs that are passed in one cycle at most, beside the new one.
 const PASSED_PER_CYCLE: u32 = 2;
+/// The geometry of wheels is wrong by at most so many of its standard deviations.
+const WRONG_SIGMAS: f64 = 3.5;
 /// Wheels at rest creep at most so fast, m/s and rad/s.
 const RESTING: [f64; 2] = [5e-5, 1e-4];
 
@@ -41,6 +43,16 @@ impl FilterSettings {
     /// Those of a platform.
     pub fn new(kinematics: &Kinematics, wheels: CovarianceSettings, period_ns: u64) -> FilterSettings {
         FilterSettings { wheels, geometry: kinematics.step_covariance(&wheels.geometry), period_ns }
+    }
+
+    /// What of a twist that wheels tell is none of their geometry's making, however wrong that is.
+    pub(crate) fn surely(&self, twist: [f64; 3]) -> [f64; 3] {
+        std::array::from_fn(|axis| {
+            let of = |r: usize, c: usize| twist[r] * self.geometry[(3 * axis + r, 3 * axis + c)] * twist[c];
+            let variance: f64 = (0..9).map(|n| of(n / 3, n % 3)).sum();
+            let least = WRONG_SIGMAS * variance.sqrt();
+            twist[axis] - twist[axis].clamp(-least, least)
+        })
     }
 
     /// Standard deviations of the speed by which wheels slip unseen during a step: over a way they add up to what the
@@ -105,7 +117,8 @@ pub struct Filter {
     /// The first epoch into which something came late.
     late_from: Option<u64>,
     now_ns: u64,
-    last_heard_ns: [Option<u64>; MAX_SENSORS],
+    /// When each was heard last, or the first cycle was: by arrival, for what is late isn't silent, ns.
+    last_heard_ns: [u64; MAX_SENSORS],
     epoch_ns: u64,
     begun: bool,
     /// Readings that were older than all that is kept, or of too many.
@@ -146,7 +159,8 @@ impl Filter {
             change: [0.0; 3],
             driven: [0.0; 2],
             inertia: [Inertia::default(); MAX_RATES],
-            clocks: [Clock::default(); CLOCKS],
+            flaws: std::array::from_fn(Flaw::new),
+            unshown: Unshown::default(),
             lags: [Lag::default(); MAX_RATES],
             leans: [Lean::default(); MAX_SENSORS],
         };
@@ -164,7 +178,7 @@ impl Filter {
             again: None,
             late_from: None,
             now_ns: 0,
-            last_heard_ns: [None; MAX_SENSORS],
+            last_heard_ns: [0; MAX_SENSORS],
             begun: false,
             left_out: 0,
         }
@@ -176,7 +190,7 @@ impl Filter {
         // What isn't finite any more was no knowledge.
         let mut known = if self.told.0.belief.is_finite() { self.told.0 } else { self.initial };
         known.belief.place(map_from_body, covariance);
-        (known.is_placed, known.doubt) = (is_placed, [0.0; 2]);
+        (known.is_placed, known.doubt, known.unshown) = (is_placed, [0.0; 2], Unshown::default());
         for standing in &mut known.standings {
             *standing = Standing::default();
         }
@@ -203,6 +217,9 @@ impl Filter {
         let time_s =
             now_ns.saturating_sub(self.now_ns.max(now_ns.saturating_sub(10_000_000_000))) as f64 * 1e-9;
         let is_first = self.now_ns == 0;
+        if is_first {
+            self.last_heard_ns = [now_ns; MAX_SENSORS];
+        }
         let period_s = self.settings.period_ns as f64 * 1e-9;
         self.now_ns = now_ns;
         let epoch = &mut self.epochs[(self.open % KEPT) as usize];
@@ -231,8 +248,7 @@ impl Filter {
             self.left_out += u64::from(is_sound);
             return false;
         }
-        let heard = &mut self.last_heard_ns[sensor];
-        *heard = Some(heard.map_or(instant_ns, |last_ns| last_ns.max(instant_ns)));
+        self.last_heard_ns[sensor] = self.now_ns;
         let rate = self.rates[sensor];
         if !self.at_mut(number).hear(sensor, rate, instant_ns, reading) {
             self.left_out += 1;
@@ -260,10 +276,11 @@ impl Filter {
         }
         let map_from_body = belief.map_from_body.then(ahead);
         let mut covariance = belief.pose_covariance_at(map_from_body, told.log(), time_s);
-        for (covariance, by_clocks) in covariance.iter_mut().zip(known.by_clocks()) {
-            *covariance += by_clocks;
+        let unshown = known.unshown.covariance(&self.settings);
+        for ((covariance, by_flaws), unshown) in covariance.iter_mut().zip(known.by_flaws()).zip(unshown) {
+            *covariance += by_flaws + unshown;
         }
-        let [doubt_m, doubt_rad] = known.doubt;
+        let [doubt_m, doubt_rad] = known.doubts();
         covariance[0] += doubt_m * doubt_m;
         covariance[3] += doubt_m * doubt_m;
         covariance[5] += doubt_rad * doubt_rad;
@@ -281,8 +298,7 @@ impl Filter {
         else {
             return (Verdict::Awaited, 0.0);
         };
-        let silent = self.last_heard_ns[sensor]
-            .is_some_and(|last_ns| self.now_ns.saturating_sub(last_ns) > known.silent_ns);
+        let silent = self.now_ns.saturating_sub(self.last_heard_ns[sensor]) > known.silent_ns;
         (if silent { Verdict::Silent } else { standing.verdict }, standing.nis)
     }
 

@@ -8,7 +8,7 @@ pub enum Verdict {
     Awaited,
     /// It agrees with the others.
     Good,
-    /// It fell silent.
+    /// It fell silent, or never spoke.
     Silent,
     /// It says the same again and again while the platform moves.
     Frozen,
@@ -57,6 +57,9 @@ pub struct Standing {
     same: (u32, f64),
     longest: u32,
     said_new: u32,
+    /// The instant of the last one that was taken in, ns; and by how much the pose may be off because of what it says, m and rad.
+    agreed_ns: Option<u64>,
+    pub(crate) doubted: [f64; 2],
     /// By how much its last reading was off, where that contradicted.
     pub(crate) off: Option<[f64; 3]>,
     /// By how much it was off when it began to contradict, while nobody followed the pose.
@@ -80,6 +83,8 @@ impl Default for Standing {
             same: (0, 0.0),
             longest: 0,
             said_new: 0,
+            agreed_ns: None,
+            doubted: [0.0; 2],
             off: None,
             elsewhere: None,
             driven_m: 0.0,
@@ -107,6 +112,11 @@ impl Standing {
     /// Whether it was heard lately, and agreed.
     pub(crate) fn agrees_now(&self, instant_ns: u64) -> bool {
         self.is_believed() && !self.is_doubtful() && self.silent_s(instant_ns) <= LONGEST_S
+    }
+
+    /// Whether it was taken in after another was heard last, and is believed yet.
+    pub(crate) fn agreed_since(&self, other: &Standing) -> bool {
+        self.is_believed() && self.agreed_ns > other.heard_ns
     }
 
     /// How long it was silent before an instant, s; infinite where nothing was heard.
@@ -179,6 +189,7 @@ impl Standing {
         let takes = agrees && self.is_believed();
         if takes {
             (self.elsewhere, self.off, self.unheard_m) = (None, None, 0.0);
+            self.agreed_ns = Some(instant_ns);
         }
         takes
     }
@@ -193,6 +204,7 @@ impl Standing {
         *self = Standing {
             verdict: Verdict::Good,
             heard_ns: Some(instant_ns),
+            agreed_ns: Some(instant_ns),
             said: self.said,
             expected: self.expected,
             driven_m: self.driven_m,

@@ -4,9 +4,9 @@ use nalgebra::Matrix3;
 use omnibase_platform::{BodyStep, Pose2, wrap_angle_rad};
 
 use super::lean::{OF_POSES_S, share_of};
-use super::{ARM_M, CLOCKS, Epoch, GATES, Heard, Knowledge, REPEATS_SIGMAS};
+use super::{ARM_M, Epoch, FLAWS, GATES, Heard, Knowledge, REPEATS_SIGMAS, Unshown};
 use crate::belief::{Belief, OWN, Row, Rows, SLIP};
-use crate::sensor::Sensor;
+use crate::sensor::{Sensor, SensorKind};
 use crate::standing::Verdict;
 
 /// Wheels that slip leave a pose at most so fast, m/s and rad/s: a pose that is off by more jumped.
@@ -16,9 +16,25 @@ const SLIPS_OF_WAY: f64 = 0.2;
 /// While nobody follows the pose, one that stays elsewhere for so long is where the platform is: it was carried, ns.
 const CARRIED_NS: u64 = 1_000_000_000;
 
+impl Knowledge {
+    /// Whether another sensor of poses agreed since one was heard: what that is off is no slip, nor was the platform carried.
+    fn is_refuted(&self, sensors: &[Sensor], one: usize) -> bool {
+        let poses = sensors.iter().zip(&self.standings).enumerate();
+        let mut others = poses.filter(|(place, (sensor, _))| *place != one && sensor.kind == SensorKind::Pose);
+        others.any(|(_, (_, other))| other.agreed_since(&self.standings[one]))
+    }
+}
+
 impl Epoch {
     /// A pose at its own instant.
-    pub(super) fn take_pose(&self, sensor: &Sensor, heard: &Heard, known: &mut Knowledge, truly: BodyStep) {
+    pub(super) fn take_pose(
+        &self,
+        sensors: &[Sensor],
+        heard: &Heard,
+        known: &mut Knowledge,
+        truly: BodyStep,
+    ) {
+        let sensor = &sensors[heard.sensor];
         // From the epoch's end back to the instant, or on to it, along the arc.
         let late_s = (self.end_ns as f64 - heard.instant_ns as f64) * 1e-9;
         let share = late_s / self.time_s;
@@ -56,6 +72,7 @@ impl Epoch {
             return;
         };
         let driven_m = known.driven_m();
+        let is_refuted = known.is_refuted(sensors, heard.sensor);
         let standing = &mut known.standings[heard.sensor];
         standing.nis = innovation.nis / 3.0;
         let said = [heard.map_from_sensor.x_m, heard.map_from_sensor.y_m, heard.map_from_sensor.heading_rad];
@@ -64,7 +81,7 @@ impl Epoch {
         standing.comes(heard.instant_ns, sensor.silent_ns, driven_m);
         let repeats = standing.repeats(said, [way_m, 0.0, turn_rad], bound, driven_m);
         let mut agrees = innovation.nis <= GATES[2] && !repeats;
-        if !agrees && !repeats && standing.is_believed() {
+        if !agrees && !repeats && !is_refuted && standing.is_believed() {
             // One that is off alone is an outlier; a second one that is off likewise tells of slip: since the one before, or
             // before that began to contradict, while nobody saw it.
             let since_s = standing.silent_s(heard.instant_ns).min(1.0);
@@ -102,17 +119,25 @@ impl Epoch {
                 &innovation.expected(),
                 &innovation.off(),
             );
-            known.doubt = lean.by().map_or([0.0; 2], |[x, y, turn]| [x.hypot(y), turn.abs()]);
-            known.take_in(&innovation, [None; CLOCKS], true);
+            let leans = lean.by().map_or([0.0; 2], |[x, y, turn]| [x.hypot(y), turn.abs()]);
+            known.standings[heard.sensor].doubted = leans;
+            known.doubt = [0.0; 2];
+            known.unshown = Unshown::default();
+            known.take_in(&innovation, [None; FLAWS], true);
             return;
         }
         if !agrees {
             known.standings[heard.sensor].off = Some(off);
             let size = [off[0].hypot(off[1]), off[2].abs()];
-            if known.standings[heard.sensor].is_doubtful() {
-                known.doubt = [known.doubt[0].max(size[0]), known.doubt[1].max(size[1])];
+            let standing = &mut known.standings[heard.sensor];
+            if standing.is_doubtful() {
+                standing.doubted = [standing.doubted[0].max(size[0]), standing.doubted[1].max(size[1])];
             }
-            self.look_elsewhere(sensor, heard, known, off, bound, back);
+            if is_refuted {
+                standing.elsewhere = None;
+            } else {
+                self.look_elsewhere(sensor, heard, known, off, bound, back);
+            }
         }
     }
 
@@ -134,7 +159,8 @@ impl Epoch {
                     let then = heard.map_from_sensor.then(sensor.body_from_sensor.inverse());
                     let noise = noise_of(sensor, heard);
                     known.belief.place(then.then(back.inverse()), place_noise(&noise, sensor));
-                    known.doubt = [0.0; 2];
+                    (known.doubt, known.unshown) = ([0.0; 2], Unshown::default());
+                    known.standings.iter_mut().for_each(|standing| standing.doubted = [0.0; 2]);
                     known.standings[heard.sensor].trust(heard.instant_ns);
                 }
             }

@@ -3,7 +3,7 @@
 use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, Twist2};
 
-use super::clocks::{CLOCKS, Changes, WHEELS};
+use super::flaws::{Changes, FLAWS, SHARES, WHEELS};
 use super::lags::sees;
 use super::lean::{OF_SPEEDS_S, share_of};
 use super::{Epoch, GATES, Knowledge, REPEATS_SIGMAS, SHARED_S, Sum, rates};
@@ -29,6 +29,8 @@ pub(super) struct Rates<'a> {
     pub(super) gain: [f64; 3],
     /// The same without what comes and goes from one epoch to the next.
     pub(super) change: [f64; 3],
+    /// The body's twist lately, of the wheels alone too.
+    pub(super) slow: [f64; 3],
     /// Variances by which slip changes from an epoch to the next, (m/s)² and (rad/s)².
     pub(super) slip_drive: [f64; 3],
 }
@@ -196,15 +198,16 @@ impl Rates<'_> {
         }
     }
 
-    /// By how much what a sensor tells changes with each clock in a second.
+    /// By how much what a sensor tells changes with one of each flaw.
     fn changes<const M: usize>(&self, rate: usize, sensor: &Sensor) -> Changes<M> {
         let of = |twist| {
             let change = self.by_twist(sensor, twist);
             Some(std::array::from_fn(|m| change[m]))
         };
         let [x, y, turn] = self.change;
-        let mut changes = [None; CLOCKS];
+        let mut changes = [None; FLAWS];
         changes[rate] = of(self.change);
+        changes[SHARES + rate] = of(self.slow.map(|speed| -speed));
         changes[WHEELS[0]] = of([-x, -y, 0.0]);
         changes[WHEELS[1]] = of([0.0, 0.0, -turn]);
         changes
@@ -398,6 +401,7 @@ mod tests {
             step,
             gain: [0.0; 3],
             change: [0.0; 3],
+            slow: [0.0; 3],
             slip_drive: [0.0; 3],
         };
         let (innovation, expected) = rates.compare::<M>((0, 0, &Sum { count: 1, ..Sum::default() }), &belief);

@@ -3,7 +3,7 @@
 use omnibase_fusion::{Filter, Reading, Verdict};
 use omnibase_platform::{BodyStep, Pose2};
 
-use crate::world::{PERIOD_NS, World, error, settings, tracker};
+use crate::world::{PERIOD_NS, World, error, gyro, settings, tracker};
 
 /// What was seen after the tracker spoke again.
 struct Returned {
@@ -77,5 +77,30 @@ fn one_that_comes_back_elsewhere_is_named() {
         println!("{jump_m}: {verdict:?}, {off_m:.4} m off, within {sigmas:.2} sigma");
         assert_eq!(verdict, Verdict::Contradicts, "{jump_m}");
         assert!(off_m < 0.05 && sigmas < 3.0, "{jump_m}: {off_m} {sigmas}");
+    }
+}
+
+/// What is 500 ms late but steady isn't silent; who never spoke is.
+#[test]
+fn silence_is_what_does_not_arrive() {
+    let sensors = [gyro(), tracker()];
+    let mut world = World::new(5, &sensors);
+    let mut filter = Filter::new(settings(), &sensors);
+    let mut under_way = std::collections::VecDeque::new();
+    for cycle in 0..3000_u64 {
+        let motion = world.step();
+        filter.advance(world.now_ns, &motion);
+        if cycle.is_multiple_of(10) && cycle < 2000 {
+            under_way.push_back((world.now_ns, world.read(1)));
+        }
+        while let Some((instant_ns, reading)) =
+            under_way.pop_front_if(|(instant_ns, _)| *instant_ns + 500_000_000 <= world.now_ns)
+        {
+            filter.hear(1, instant_ns, &reading);
+        }
+        let [gyro, tracker] = [0, 1].map(|place| filter.verdict(place).0);
+        assert_eq!(gyro == Verdict::Silent, cycle > 300, "cycle {cycle}: {gyro:?}");
+        // It spoke last of cycle 1990, which arrived in 2490.
+        assert_eq!(tracker == Verdict::Silent, (301..500).contains(&cycle) || cycle > 2790, "cycle {cycle}");
     }
 }

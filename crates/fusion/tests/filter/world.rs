@@ -140,8 +140,7 @@ impl World {
         )
     }
 
-    /// A cycle of it: what the wheels tell. Sensors tell the twist at its end, and it moves as in its middle.
-    pub fn step(&mut self) -> Motion {
+    fn begin(&mut self) {
         self.now_ns += PERIOD_NS;
         self.cycle += 1;
         for (sensor, own) in self.sensors.iter().zip(&mut self.own) {
@@ -149,10 +148,33 @@ impl World {
                 own[0] += sensor.bias_walk * PERIOD_S.sqrt() * self.chance.normal();
             }
         }
+    }
+
+    /// A cycle of it: what the wheels tell.
+    pub fn step(&mut self) -> Motion {
+        self.begin();
         let time_s = self.cycle as f64 * PERIOD_S;
+        let truly = Self::wanders(time_s - 0.5 * PERIOD_S);
+        self.moves(Self::wanders(time_s), truly)
+    }
+
+    /// A cycle in which the wheels turn as they are told, whatever comes of it.
+    pub fn drive(&mut self, wheels: Twist2) -> Motion {
+        self.begin();
+        let told = [wheels.vx_m_s, wheels.vy_m_s, wheels.w_rad_s];
+        let [x, y, turn] = std::array::from_fn(|r| {
+            let wrong: f64 = (0..3).map(|c| self.geometry[r][c] * told[c]).sum();
+            told[r] + wrong - self.slip[r]
+        });
+        let truly = Twist2::new(x, y, turn);
+        self.moves(truly, truly)
+    }
+
+    /// Sensors tell the twist at the end of a cycle, and it moves as in its middle.
+    fn moves(&mut self, twist: Twist2, in_middle: Twist2) -> Motion {
         self.twist_before = self.twist;
-        self.twist = Self::wanders(time_s);
-        let truly = Self::wanders(time_s - 0.5 * PERIOD_S).over(PERIOD_S);
+        self.twist = twist;
+        let truly = in_middle.over(PERIOD_S);
         self.truth = self.truth.moved_by(truly);
         // u + E·u − s·T is truly: u is, to first order, truly − E·truly + s·T.
         let way = [truly.x_m, truly.y_m, truly.angle_rad];

@@ -39,6 +39,7 @@ impl Cycle<'_> {
                 Verdict::Awaited => continue,
                 Verdict::Good if before == Verdict::Awaited => continue,
                 Verdict::Good => "is believed again",
+                Verdict::Silent if before == Verdict::Awaited => "says nothing",
                 Verdict::Silent => "fell silent",
                 Verdict::Frozen => "isn't believed: it says the same all the time while wheels move",
                 Verdict::Contradicts => "isn't believed: it contradicts the others",

@@ -1,0 +1,237 @@
+//! What of a sensor is off, and by how much: its clock, or how much it tells of what it measures.
+//!
+//! A reading whose instant is δ too early tells what will be: it is off by δ times the change of what it tells; one that tells a share κ
+//! too little is off by κ times that itself. What such a flaw makes of all that is estimated is followed along with it, reading by
+//! reading, so that of each reading is known what it would make of it, and what all of them tell of it together (generalized
+//! likelihood ratio: Willsky and Jones, *IEEE Trans. Automatic Control* 21, 1976). Wheels that lag, as those do that slip while they
+//! are accelerated, count as one more: where they explain what is seen about as well, no sensor is named, nor where two sensors explain
+//! it alike. In even motion nothing tells of clocks, and at rest nothing of shares.
+
+use super::{Knowledge, rates};
+use crate::belief::{Along, Innovation, STATES};
+use crate::sensor::{MAX_RATES, Sensor, SensorKind};
+use crate::standing::Verdict;
+
+/// By so much clocks are off, where they are, s; and what is told too little, where it is, as a share.
+const USUAL: [f64; 2] = [0.05, 1.0];
+/// What was seen of a clock, and of a share, is remembered so long, s.
+const MEMORY_S: [f64; 2] = [1.0, 8.0];
+/// Clocks that are off by less are never named, s.
+const LEAST_OFF_S: f64 = 0.02;
+/// Shares of what is measured that are off by less are never named.
+const LEAST_OFF: f64 = 0.5;
+/// A sensor that was named is believed again, and counts in full, when it is known to tell all of what it measures but so much.
+const SHOWN: f64 = 0.25;
+/// What is seen is beyond chance by so much: chi² with one degree of freedom.
+const SURE: f64 = 25.0;
+/// What is so far beyond chance counts in the covariance of the pose.
+const SEEMS: f64 = 7.0;
+/// And explains so much more of it than any other clock, as chi².
+const MARGIN: f64 = 10.0;
+/// Of what sensors are off beyond chance a clock explains so much.
+const EXPLAINED: f64 = 0.5;
+/// The places of the wheels' clocks behind those of the sensors: as their way and as their turn lag.
+pub(super) const WHEELS: [usize; 2] = [MAX_RATES, MAX_RATES + 1];
+/// The places behind them, of what each sensor tells too little.
+pub(super) const SHARES: usize = MAX_RATES + 2;
+/// All flaws.
+pub const FLAWS: usize = SHARES + MAX_RATES;
+
+/// By how much a reading changes with one of each flaw: with a second, or with all that it measures.
+pub(super) type Changes<const M: usize> = [Option<[f64; M]>; FLAWS];
+
+/// What readings tell of a flaw: weight times its size, and weight; and how much they are off beyond chance, as chi².
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Told {
+    times_size: f64,
+    weight: f64,
+    beyond: f64,
+}
+
+impl Told {
+    fn add(&mut self, other: Told) {
+        self.times_size += other.times_size;
+        self.weight += other.weight;
+        self.beyond += other.beyond;
+    }
+}
+
+/// What is known of a flaw.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Flaw {
+    /// What one of it makes of all that is estimated.
+    pub(super) drawn: Along,
+    told: Told,
+    usual: f64,
+    memory_s: f64,
+}
+
+impl Flaw {
+    /// That of a place of which nothing is known.
+    pub(crate) fn new(place: usize) -> Flaw {
+        let kind = usize::from(place >= SHARES);
+        Flaw {
+            drawn: [0.0; STATES],
+            told: Told::default(),
+            usual: USUAL[kind],
+            memory_s: MEMORY_S[kind],
+        }
+    }
+
+    /// How great it is: by how much instants are too early, s, or which share isn't told. Until it is told better, by nothing much.
+    fn size(&self) -> f64 {
+        self.told.times_size * self.variance()
+    }
+
+    /// The variance of that.
+    fn variance(&self) -> f64 {
+        1.0 / (self.told.weight + self.usual.powi(-2))
+    }
+
+    /// How much of what is seen it explains: chi².
+    fn explains(&self) -> f64 {
+        self.told.times_size * self.size()
+    }
+
+    /// How a whitened reading changes with it, beside what it made of all that is estimated.
+    fn change<const M: usize>(&self, innovation: &Innovation<M>, change: [f64; M]) -> [f64; M] {
+        let mut change = change;
+        for (change, known) in change.iter_mut().zip(innovation.rows.of(&self.drawn)) {
+            *change -= known;
+        }
+        innovation.whiten(change)
+    }
+}
+
+fn told<const M: usize>(change: [f64; M], innovation: &Innovation<M>) -> Told {
+    let off = innovation.whiten(innovation.off());
+    let sum = |one: [f64; M], other: [f64; M]| -> f64 {
+        one.iter().zip(other).map(|(one, other)| one * other).sum()
+    };
+    Told { times_size: sum(change, off), weight: sum(change, change), beyond: innovation.nis - M as f64 }
+}
+
+impl Knowledge {
+    /// What is known of a sensor's clock: how much too early its instants are, and the standard deviation of that, s.
+    pub(crate) fn clock_s(&self, rate: usize) -> Option<[f64; 2]> {
+        (rate < MAX_RATES).then(|| [self.flaws[rate].size(), self.flaws[rate].variance().sqrt()])
+    }
+
+    /// Whether a sensor was seen lately to tell all of what it measures.
+    pub(super) fn is_shown(&self, rate: usize) -> bool {
+        let share = &self.flaws[SHARES + rate];
+        share.size().abs().max(share.variance().sqrt()) < SHOWN
+    }
+
+    /// What flaws that there seem to be may have made of the pose: its covariance, xx, xy, xψ, yy, yψ, ψψ.
+    pub(crate) fn by_flaws(&self) -> [f64; 6] {
+        let mut sum = [0.0; 6];
+        for flaw in self.flaws.iter().filter(|flaw| flaw.explains() > SEEMS) {
+            let [x, y, turn, ..] = flaw.drawn;
+            let off2 = flaw.size().powi(2) + flaw.variance();
+            for (sum, product) in sum.iter_mut().zip([x * x, x * y, x * turn, y * y, y * turn, turn * turn]) {
+                *sum += off2 * product;
+            }
+        }
+        sum
+    }
+
+    /// Time passes.
+    pub(super) fn forget_flaws(&mut self, time_s: f64) {
+        let keep = [0, SHARES].map(|place| (-time_s / self.flaws[place].memory_s).exp());
+        for (place, Flaw { drawn, told, .. }) in self.flaws.iter_mut().enumerate() {
+            let keep = keep[usize::from(place >= SHARES)];
+            *told = Told {
+                times_size: keep * told.times_size,
+                weight: keep * told.weight,
+                beyond: keep * told.beyond,
+            };
+            drawn.iter_mut().for_each(|drawn| *drawn *= keep);
+        }
+    }
+
+    /// Takes a reading in. `is_new`: what it tells of flaws isn't known yet.
+    pub(super) fn take_in<const M: usize>(
+        &mut self,
+        innovation: &Innovation<M>,
+        changes: Changes<M>,
+        is_new: bool,
+    ) {
+        let whitened = innovation.whitened();
+        for (flaw, change) in self.flaws.iter_mut().zip(changes) {
+            if change.is_none() && flaw.drawn == [0.0; STATES] {
+                continue;
+            }
+            let changes = flaw.change(innovation, change.unwrap_or([0.0; M]));
+            if is_new {
+                flaw.told.add(told(changes, innovation));
+            }
+            for (change, moves) in changes.iter().zip(&whitened.moves) {
+                for (drawn, moved) in flaw.drawn.iter_mut().zip(moves) {
+                    *drawn += change * moved;
+                }
+            }
+        }
+        self.belief.correct(&whitened);
+    }
+
+    /// A reading that isn't taken in tells of its own flaws alone.
+    pub(super) fn leave_out<const M: usize>(
+        &mut self,
+        rate: usize,
+        innovation: &Innovation<M>,
+        changes: Changes<M>,
+    ) {
+        for place in [rate, SHARES + rate] {
+            let flaw = &mut self.flaws[place];
+            let change = flaw.change(innovation, changes[place].unwrap_or([0.0; M]));
+            flaw.told.add(told(change, innovation));
+        }
+    }
+
+    /// Names a sensor that has a flaw. What that made is undone where poses agree, and counts in the covariance elsewhere.
+    pub(super) fn judge_flaws(&mut self, sensors: &[Sensor], end_ns: u64) {
+        let is_placed_by_poses = sensors
+            .iter()
+            .zip(&self.standings)
+            .any(|(sensor, standing)| sensor.kind == SensorKind::Pose && standing.agrees_now(end_ns));
+        for (rate, (place, _)) in rates(sensors) {
+            if !self.standings[place].is_new() {
+                continue;
+            }
+            let own = [(rate, LEAST_OFF_S), (SHARES + rate, LEAST_OFF)];
+            if !self.standings[place].is_believed() {
+                let clock = &self.flaws[rate];
+                let is_off = clock.size().abs() > 0.5 * LEAST_OFF_S && clock.explains() > SURE;
+                if is_off || !self.is_shown(rate) {
+                    self.standings[place].name(end_ns, Verdict::Contradicts);
+                }
+                continue;
+            }
+            let explain = |flaw: usize| self.flaws[flaw].explains();
+            let is_others = |flaw: &usize| !WHEELS.contains(flaw) && own.iter().all(|(own, _)| flaw != own);
+            let others = (0..FLAWS).filter(is_others).map(explain).fold(0.0, f64::max);
+            let most = others.max(explain(WHEELS[0]) + explain(WHEELS[1]));
+            let is_off = |(place, least): &(usize, f64)| {
+                let flaw = &self.flaws[*place];
+                flaw.size().abs() > *least
+                    && flaw.explains() > SURE.max(most + MARGIN)
+                    && flaw.explains() > EXPLAINED * flaw.told.beyond
+            };
+            let Some((at, _)) = own.into_iter().find(is_off) else { continue };
+            let flaw = self.flaws[at];
+            let off = flaw.size();
+            let mut left = flaw.variance();
+            if is_placed_by_poses {
+                self.belief.shift(&flaw.drawn.map(|drawn| -off * drawn));
+            } else {
+                // Nobody would see it if that were wrong.
+                left += off * off;
+            }
+            self.belief.widen_along(&flaw.drawn, left);
+            self.flaws = std::array::from_fn(Flaw::new);
+            self.flaws[at] = Flaw { drawn: [0.0; STATES], ..flaw };
+            self.standings[place].name(end_ns, Verdict::Contradicts);
+        }
+    }
+}
