@@ -79,6 +79,8 @@ pub(crate) struct Grip {
     is_told: bool,
     /// A wheel with its rotor as a mass at its rim, kg.
     wheel_kg: f64,
+    /// The part of its force on the floor that each wheel's rim feels.
+    rim_share: [f64; MAX_WHEELS],
     /// The platform's mass by its file, kg.
     told_kg: f64,
     /// A rim that is faster, or further ahead, is no measurement, m/s.
@@ -146,6 +148,11 @@ impl Grip {
         let weighed_kg = (1.0 - WEIGHED_SHARE) * plan.mass_kg.unwrap_or(0.0);
         let first = FirstEstimates::of(&plan.controller).at_least(weighed_kg);
         let bounded_kg = plan.controller.mass_bounds_kg.map_or(0.0, |[least, _]| least);
+        let mut rim_share = [1.0; MAX_WHEELS];
+        rim_share
+            .iter_mut()
+            .zip(plan.kinematics.wheels())
+            .for_each(|(share, wheel)| *share = wheel.rim_share());
         let greatest_m = plan.kinematics.wheels().iter().map(|wheel| wheel.radius_m).fold(0.0, f64::max);
         Grip {
             identification: Identification::new(&first, friction.lever_m()),
@@ -159,6 +166,7 @@ impl Grip {
             drawn: Decay::new(DRAWN_1_S),
             is_told: probe::are_torques_told(plan),
             wheel_kg: wheel_kg(plan, first.mass.0),
+            rim_share,
             told_kg: plan.controller.mass_kg.or(plan.mass_kg).unwrap_or(first.mass.0),
             most_m_s: IMPOSSIBLE * plan.limits.wheel_speed_rad_s * greatest_m,
             kinematics: plan.kinematics.clone(),
@@ -459,12 +467,12 @@ impl Grip {
         let [sx, sy, sh] = self.sigma;
         let along_m_s = sx.max(sy);
         let dynamics = self.identification.dynamics();
-        let rims = self.kinematics.matrix().iter().zip(self.kinematics.wheels());
+        let rims = self.kinematics.matrix().iter().zip(self.rim_share);
         let mean_n = |mass_kg: f64| mass_kg * GRAVITY_M_S2 / self.kinematics.wheel_count() as f64;
         let missing = self.steady.if_it_slides();
         let (mut is_over, mut is_counted) = (false, false);
         self.felt = 0.0;
-        for (at, (wheel, (row, rim))) in self.wheels.iter_mut().zip(rims).enumerate() {
+        for (at, (wheel, (row, rim_share))) in self.wheels.iter_mut().zip(rims).enumerate() {
             let load = self.loads.of(at, dynamics.centre_m());
             let sigma_m_s = omnibase_platform::length([row[0], row[1]]) * along_m_s + row[2].abs() * sh;
             let least_m_s = LEAST_SLIP_M_S + SIGMAS * sigma_m_s;
@@ -487,14 +495,14 @@ impl Grip {
             };
             let step_m = wheel.ahead_m_s.abs() * span_s;
             // What slid since its first motion looks light, and as if it rubbed.
-            let pressed_n = rim.rim_share() * load * mean_n(dynamics.mass_kg.max(self.told_kg));
+            let pressed_n = rim_share * load * mean_n(dynamics.mass_kg.max(self.told_kg));
             let given = (force_n + rubs_n).abs() / pressed_n;
             self.felt = self.felt.max(given);
             if wheel.slips {
                 wheel.since_ns += span_ns;
                 wheel.way_m += step_m;
                 if wheel.ahead_m_s.abs() > least_m_s {
-                    let pressed_n = rim.rim_share() * load * mean_n(dynamics.mass_kg);
+                    let pressed_n = rim_share * load * mean_n(dynamics.mass_kg);
                     self.floor = Some(Floor::seen(self.floor, force_n.abs() / pressed_n, span_s));
                 }
                 is_over |= wheel.since_ns > LONGEST_NS;

@@ -60,6 +60,17 @@ impl<const N: usize> Estimate<N> {
         (row.iter().zip(&spread).map(|(row, spread)| row * spread).sum(), spread)
     }
 
+    /// The variance of what a row tells that has only the first parts.
+    pub(crate) fn variance_of_first<const M: usize>(&self, row: &[f64; M]) -> f64 {
+        let mut spread = [0.0; M];
+        for (line, row) in self.covariance.iter().zip(row) {
+            for (spread, covariance) in spread.iter_mut().zip(line) {
+                *spread += covariance * row;
+            }
+        }
+        row.iter().zip(&spread).map(|(row, spread)| row * spread).sum()
+    }
+
     /// The variance of what a row tells that has only these two parts, of mass times the centre's place; with the bits that
     /// [`Estimate::spread`] gives for the whole row.
     pub(crate) fn variance_of_centre(&self, row: [f64; 2]) -> f64 {
@@ -116,6 +127,9 @@ mod tests {
                 if (step + index) % 4 == 0 { 0.0 } else { (f64::from(7 * step as u32 + index as u32)).sin() }
             });
             let (known, spread) = estimate.spread(&row);
+            let [first, second, ..] = row;
+            let alone = estimate.spread(&[first, second, 0.0, 0.0, 0.0, 0.0]).0;
+            assert_eq!(estimate.variance_of_first(&[first, second]), alone);
             for (line, spread) in estimate.covariance.iter().zip(spread) {
                 let own: f64 = line.iter().zip(row).map(|(covariance, row)| covariance * row).sum();
                 assert_eq!(own.to_bits(), spread.to_bits());

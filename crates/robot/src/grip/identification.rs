@@ -251,7 +251,7 @@ impl Identification {
     /// By how much less than it tells a motion may resist, one standard deviation, N and N·m: what is told as little as can be
     /// has nothing to lose.
     pub(super) fn doubts_n(&self, motion: &Motion) -> [f64; 3] {
-        let sigma = |row: &[f64; BODY]| self.watched.spread(&beside(*row, [0.0; 2])).0.max(0.0).sqrt();
+        let sigma = |row: &[f64; BODY]| self.watched.variance_of_first(row).max(0.0).sqrt();
         motion.rows().map(|row| {
             let bounded = row.iter().zip(self.watched.theta).zip(self.bounds);
             let lost_n: f64 = bounded.map(|((row, theta), [low, _])| row * (theta - low)).sum();
