@@ -7,15 +7,16 @@
 //! are accelerated, count as one more: where they explain what is seen about as well, no sensor is named, nor where two sensors explain
 //! it alike. In even motion nothing tells of clocks, and at rest nothing of shares.
 
+use super::lags::sees;
 use super::{Knowledge, rates};
 use crate::belief::{Along, Innovation, STATES};
-use crate::sensor::{MAX_RATES, Sensor, SensorKind};
+use crate::sensor::{MAX_RATES, MAX_SENSORS, Sensor, SensorKind};
 use crate::standing::Verdict;
 
-/// By so much clocks are off, where they are, s; and what is told too little, where it is, as a share.
-const USUAL: [f64; 2] = [0.05, 1.0];
-/// What was seen of a clock, and of a share, is remembered so long, s.
-const MEMORY_S: [f64; 2] = [1.0, 8.0];
+/// By so much clocks are off, where they are, s; what is told too little, where it is, as a share; and clocks of poses.
+const USUAL: [f64; 3] = [0.05, 1.0, 0.05];
+/// What was seen of them is remembered so long, s. In even motion nothing is seen of a clock, but poses stay as wrong by it.
+const MEMORY_S: [f64; 3] = [1.0, 8.0, 20.0];
 /// Clocks that are off by less are never named, s.
 const LEAST_OFF_S: f64 = 0.02;
 /// Shares of what is measured that are off by less are never named.
@@ -34,8 +35,15 @@ const EXPLAINED: f64 = 0.5;
 pub(super) const WHEELS: [usize; 2] = [MAX_RATES, MAX_RATES + 1];
 /// The places behind them, of what each sensor tells too little.
 pub(super) const SHARES: usize = MAX_RATES + 2;
+/// The places behind them, of the clocks of poses: sensor by sensor.
+pub(super) const POSES: usize = SHARES + MAX_RATES;
 /// All flaws.
-pub const FLAWS: usize = SHARES + MAX_RATES;
+pub const FLAWS: usize = POSES + MAX_SENSORS;
+
+/// Which kind of flaw has a place.
+fn kind_of(place: usize) -> usize {
+    usize::from(place >= SHARES) + usize::from(place >= POSES)
+}
 
 /// By how much a reading changes with one of each flaw: with a second, or with all that it measures.
 pub(super) type Changes<const M: usize> = [Option<[f64; M]>; FLAWS];
@@ -63,19 +71,12 @@ pub struct Flaw {
     pub(super) drawn: Along,
     told: Told,
     usual: f64,
-    memory_s: f64,
 }
 
 impl Flaw {
     /// That of a place of which nothing is known.
     pub(crate) fn new(place: usize) -> Flaw {
-        let kind = usize::from(place >= SHARES);
-        Flaw {
-            drawn: [0.0; STATES],
-            told: Told::default(),
-            usual: USUAL[kind],
-            memory_s: MEMORY_S[kind],
-        }
+        Flaw { drawn: [0.0; STATES], told: Told::default(), usual: USUAL[kind_of(place)] }
     }
 
     /// How great it is: by how much instants are too early, s, or which share isn't told. Until it is told better, by nothing much.
@@ -138,9 +139,9 @@ impl Knowledge {
 
     /// Time passes.
     pub(super) fn forget_flaws(&mut self, time_s: f64) {
-        let keep = [0, SHARES].map(|place| (-time_s / self.flaws[place].memory_s).exp());
+        let keep = MEMORY_S.map(|memory_s| (-time_s / memory_s).exp());
         for (place, Flaw { drawn, told, .. }) in self.flaws.iter_mut().enumerate() {
-            let keep = keep[usize::from(place >= SHARES)];
+            let keep = keep[kind_of(place)];
             *told = Told {
                 times_size: keep * told.times_size,
                 weight: keep * told.weight,
@@ -178,34 +179,45 @@ impl Knowledge {
     /// A reading that isn't taken in tells of its own flaws alone.
     pub(super) fn leave_out<const M: usize>(
         &mut self,
-        rate: usize,
+        own: &[usize],
         innovation: &Innovation<M>,
         changes: Changes<M>,
     ) {
-        for place in [rate, SHARES + rate] {
-            let flaw = &mut self.flaws[place];
-            let change = flaw.change(innovation, changes[place].unwrap_or([0.0; M]));
+        for place in own {
+            let flaw = &mut self.flaws[*place];
+            let change = flaw.change(innovation, changes[*place].unwrap_or([0.0; M]));
             flaw.told.add(told(change, innovation));
         }
     }
 
     /// Names a sensor that has a flaw. What that made is undone where poses agree, and counts in the covariance elsewhere.
     pub(super) fn judge_flaws(&mut self, sensors: &[Sensor], end_ns: u64) {
-        let is_placed_by_poses = sensors
-            .iter()
-            .zip(&self.standings)
-            .any(|(sensor, standing)| sensor.kind == SensorKind::Pose && standing.agrees_now(end_ns));
-        for (rate, (place, _)) in rates(sensors) {
+        let agreeing = self.standings.map(|standing| standing.agrees_now(end_ns));
+        let agrees = |is: &dyn Fn(usize, &Sensor) -> bool| {
+            sensors.iter().enumerate().any(|(place, sensor)| agreeing[place] && is(place, sensor))
+        };
+        // Without one that sees the floor it may be the wheels that lag while they are accelerated, each time alike.
+        let is_floor_seen = agrees(&|_, sensor| sees(sensor)[0]);
+        let of_poses = sensors.iter().enumerate().filter(|(_, sensor)| sensor.kind == SensorKind::Pose);
+        let of_poses = of_poses.map(|(place, _)| (None, place));
+        let of_rates = rates(sensors).map(|(rate, (place, _))| (Some(rate), place));
+        for (rate, place) in of_rates.chain(of_poses) {
             if !self.standings[place].is_new() {
                 continue;
             }
-            let own = [(rate, LEAST_OFF_S), (SHARES + rate, LEAST_OFF)];
+            let own = match rate {
+                Some(rate) => [(rate, LEAST_OFF_S), (SHARES + rate, LEAST_OFF)],
+                None => [(POSES + place, LEAST_OFF_S); 2],
+            };
             if !self.standings[place].is_believed() {
-                let clock = &self.flaws[rate];
+                let clock = &self.flaws[own[0].0];
                 let is_off = clock.size().abs() > 0.5 * LEAST_OFF_S && clock.explains() > SURE;
-                if is_off || !self.is_shown(rate) {
+                if is_off || rate.is_some_and(|rate| !self.is_shown(rate)) {
                     self.standings[place].name(end_ns, Verdict::Contradicts);
                 }
+                continue;
+            }
+            if rate.is_none() && !is_floor_seen {
                 continue;
             }
             let explain = |flaw: usize| self.flaws[flaw].explains();
@@ -222,7 +234,7 @@ impl Knowledge {
             let flaw = self.flaws[at];
             let off = flaw.size();
             let mut left = flaw.variance();
-            if is_placed_by_poses {
+            if agrees(&|other, sensor| other != place && sensor.kind == SensorKind::Pose) {
                 self.belief.shift(&flaw.drawn.map(|drawn| -off * drawn));
             } else {
                 // Nobody would see it if that were wrong.

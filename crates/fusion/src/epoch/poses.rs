@@ -3,6 +3,7 @@
 use nalgebra::Matrix3;
 use omnibase_platform::{BodyStep, Pose2, wrap_angle_rad};
 
+use super::flaws::POSES;
 use super::lean::{OF_POSES_S, share_of};
 use super::{ARM_M, Epoch, FLAWS, GATES, Heard, Knowledge, REPEATS_SIGMAS, Unshown};
 use crate::belief::{Belief, OWN, Row, Rows, SLIP};
@@ -20,7 +21,8 @@ impl Knowledge {
     /// Whether another sensor of poses agreed since one was heard: what that is off is no slip, nor was the platform carried.
     fn is_refuted(&self, sensors: &[Sensor], one: usize) -> bool {
         let poses = sensors.iter().zip(&self.standings).enumerate();
-        let mut others = poses.filter(|(place, (sensor, _))| *place != one && sensor.kind == SensorKind::Pose);
+        let mut others =
+            poses.filter(|(place, (sensor, _))| *place != one && sensor.kind == SensorKind::Pose);
         others.any(|(_, (_, other))| other.agreed_since(&self.standings[one]))
     }
 }
@@ -71,6 +73,8 @@ impl Epoch {
             known.standings[heard.sensor].judge(heard.instant_ns, 1.0, Verdict::Contradicts);
             return;
         };
+        let mut changes = [None; FLAWS];
+        changes[POSES + heard.sensor] = Some(speed_of(sensor, known));
         let driven_m = known.driven_m();
         let is_refuted = known.is_refuted(sensors, heard.sensor);
         let standing = &mut known.standings[heard.sensor];
@@ -123,9 +127,10 @@ impl Epoch {
             known.standings[heard.sensor].doubted = leans;
             known.doubt = [0.0; 2];
             known.unshown = Unshown::default();
-            known.take_in(&innovation, [None; FLAWS], true);
+            known.take_in(&innovation, changes, true);
             return;
         }
+        known.leave_out(&[POSES + heard.sensor], &innovation, changes);
         if !agrees {
             known.standings[heard.sensor].off = Some(off);
             let size = [off[0].hypot(off[1]), off[2].abs()];
@@ -167,6 +172,14 @@ impl Epoch {
             _ => standing.elsewhere = self.is_free.then_some((off, heard.instant_ns)),
         }
     }
+}
+
+/// How fast a sensor moves in map, as wheels tell.
+fn speed_of(sensor: &Sensor, known: &Knowledge) -> [f64; 3] {
+    let ([x, y, turn], mount) = (known.twist, sensor.body_from_sensor);
+    let (x, y) = (x - turn * mount.y_m, y + turn * mount.x_m);
+    let (sin, cos) = known.belief.map_from_body.heading_rad.sin_cos();
+    [cos * x - sin * y, sin * x + cos * y, turn]
 }
 
 fn noise_of(sensor: &Sensor, heard: &Heard) -> Matrix3<f64> {

@@ -188,7 +188,7 @@ impl Rates<'_> {
             self.lean(place, since_s, &innovation, known);
             known.take_in(&innovation, changes, !is_widened);
         } else {
-            known.leave_out(rate, &innovation, changes);
+            known.leave_out(&[rate, SHARES + rate], &innovation, changes);
         }
         if !is_taken && !agrees && known.standings[place].is_doubtful() {
             // Until others tell, it may be the wheels that are wrong.

@@ -48,6 +48,9 @@ impl Unshown {
 
     /// Its covariance, xx, xy, xψ, yy, yψ, ψψ, with that of what wheels make of a step.
     pub(crate) fn covariance(&self, settings: &FilterSettings) -> [f64; 6] {
+        if *self == Unshown::default() {
+            return [0.0; 6];
+        }
         let of_turn = |a: usize, b: usize| settings.geometry[(6 + a, 6 + b)];
         let of = |r: usize, c: usize| {
             let by_geometry: f64 = (0..9)
@@ -90,6 +93,36 @@ impl Epoch {
                 known.belief.forget_wheels(&settings.geometry);
             }
             known.unshown = Unshown::default();
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use nalgebra::SMatrix;
+
+    use super::*;
+    use crate::belief::Belief;
+
+    /// What wheels make of the pose by their turn alone is what a belief counts with that knows of nothing else.
+    #[test]
+    fn the_covariance_of_wheels_that_turned_as_they_said_is_that_of_a_belief_without_readings() {
+        let geometry = SMatrix::<f64, 9, 9>::from_fn(|r, c| match (r, c) {
+            (6.., 6..) => [[4e-6, 1e-6, 0.0], [1e-6, 9e-6, -2e-6], [0.0, -2e-6, 1e-6]][r - 6][c - 6],
+            _ => 0.0,
+        });
+        let settings = FilterSettings { wheels: Default::default(), geometry, period_ns: 1_000_000 };
+        let mut belief = Belief::new(Pose2::default(), &geometry);
+        let mut unshown = Unshown::default();
+        for n in 0..2000 {
+            let phase = 3e-3 * f64::from(n);
+            let step = BodyStep::new(2e-3 * phase.cos(), 1e-3 * (2.0 * phase).sin(), 1e-3 * phase.sin());
+            let from = belief.map_from_body;
+            belief.advance(step, 5e-3, [0.0; 3], std::iter::empty());
+            unshown.goes_on(from, belief.map_from_body, step, 0.0, 0.0);
+        }
+        for (one, other) in unshown.covariance(&settings).iter().zip(belief.pose_covariance()) {
+            assert!(other != 0.0 && (one - other).abs() < 1e-9 * other.abs(), "{one:e} {other:e}");
         }
     }
 }

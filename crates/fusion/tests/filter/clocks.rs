@@ -4,9 +4,9 @@ use omnibase_fusion::{Filter, Sensor, SensorKind, Verdict};
 
 use omnibase_platform::BodyStep;
 
-use crate::faulty::{Fault, Outcome, camera, companies, drive, drive_for, every, imu};
+use crate::faulty::{Fault, Outcome, THREE_SIGMA, camera, companies, drive, drive_for, every, imu};
 use crate::lively::Lively;
-use crate::world::{World, gyro, mouse, settings, tracker};
+use crate::world::{World, gyro, mouse, nees, settings, tracker};
 
 /// How long after the clock of one was off it was named, s; and whoever else was.
 fn named(
@@ -147,6 +147,77 @@ fn wheels_that_turn_too_little_for_long_are_no_fault_of_a_gyro_beside_poses() {
                 filter.hear(place, world.now_ns, &reading);
             }
             assert_ne!(filter.verdict(place).0, Verdict::Contradicts, "{:?}, cycle {cycle}", sensor.kind);
+        }
+    }
+}
+
+/// For how much of 20 s the truth was outside, the mean NEES, whom else was named, and when the poses were, s: their clock is off by so
+/// much from the beginning, or goes off by so much in each second.
+fn poses_off(beside: &[Sensor], early_s: f64, per_s: f64, seed: u64) -> (f64, f64, Vec<usize>, Option<f64>) {
+    let sensors = [&[tracker()], beside].concat();
+    let mut world = World::new(seed, &sensors);
+    let mut filter = Filter::new(settings(), &sensors);
+    let mut kept = std::collections::VecDeque::new();
+    let (mut outside, mut sum, mut others, mut named_s) = (0.0, 0.0, Vec::new(), None);
+    let cycles = 20_000_u32;
+    for cycle in 0..cycles {
+        let motion = world.step();
+        filter.advance(world.now_ns, &motion);
+        let time_s = 1e-3 * f64::from(cycle);
+        for (place, sensor) in sensors.iter().enumerate() {
+            if !u64::from(cycle).is_multiple_of(every(sensor)) {
+                continue;
+            }
+            let reading = world.read(place);
+            if place > 0 {
+                filter.hear(place, world.now_ns, &reading);
+                continue;
+            }
+            // It takes 100 ms to come, and is said to be of as much before or after its instant.
+            kept.push_back((world.now_ns, reading));
+            if kept.len() > 10 {
+                let (instant_ns, reading) = kept.pop_front().expect("a reading");
+                let early_ns = 1e9 * (early_s + per_s * time_s);
+                filter.hear(0, instant_ns.saturating_add_signed(-early_ns as i64), &reading);
+            }
+        }
+        for place in 0..sensors.len() {
+            if filter.verdict(place).0 == Verdict::Contradicts && place == 0 {
+                named_s.get_or_insert(time_s);
+            } else if filter.verdict(place).0 == Verdict::Contradicts && !others.contains(&place) {
+                others.push(place);
+            }
+        }
+        let nees = nees(&filter, world.truth);
+        sum += nees / f64::from(cycles);
+        outside += f64::from(u8::from(3.0 * nees > THREE_SIGMA)) / f64::from(cycles);
+    }
+    (outside, sum, others, named_s)
+}
+
+#[test]
+fn a_clock_of_poses_that_is_off_is_named_beside_who_sees_the_floor_and_counts_in_the_covariance() {
+    let [left, right] = [mouse(0.2, 0.1), mouse(-0.2, 0.1)];
+    for beside in [&[][..], &[gyro()], &[left, right], &[gyro(), left, right]] {
+        for (early_s, per_s) in [(0.0, 0.0), (0.05, 0.0), (-0.05, 0.0), (0.0, 5e-3), (0.0, -5e-3)] {
+            for seed in 0..2 {
+                let (outside, nees, others, named_s) = poses_off(beside, early_s, per_s, seed);
+                let what = format!("beside {}, off by {early_s} s, {per_s} in each", beside.len());
+                println!(
+                    "{what}: outside {outside:.4}, NEES {nees:.2}, named {named_s:?}, others {others:?}"
+                );
+                assert_eq!(others, [], "{what}: who is right is named");
+                // Alone, or beside a gyro, it may be the wheels that lag.
+                let is_named = beside.len() > 1 && (early_s, per_s) != (0.0, 0.0);
+                assert_eq!(named_s.is_some(), is_named, "{what}");
+                if per_s == 0.0 {
+                    assert!(outside < 0.025 && nees < 1.3, "{what}: {outside} {nees}");
+                    assert!(named_s.is_none_or(|named_s| named_s < 1.0), "{what}: {named_s:?}");
+                } else {
+                    // What drifts is seen when it has drifted.
+                    assert!(outside < 0.2 && nees < 5.0, "{what}: {outside} {nees}");
+                }
+            }
         }
     }
 }

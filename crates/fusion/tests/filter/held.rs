@@ -52,7 +52,8 @@ fn hold(sensors: &[Sensor], share: f64, time_s: f64, seed: u64) -> Held {
         let (to, speed) = if now_s > REST_S { wanted(now_s) } else { (Pose2::default(), [0.0; 2]) };
         let [x, y] = [speed[0] + 5.0 * (to.x_m - believed.x_m), speed[1] + 5.0 * (to.y_m - believed.y_m)];
         let (sin, cos) = believed.heading_rad.sin_cos();
-        let wheels = Twist2::new(cos * x + sin * y, cos * y - sin * x, 5.0 * (to.heading_rad - believed.heading_rad));
+        let wheels =
+            Twist2::new(cos * x + sin * y, cos * y - sin * x, 5.0 * (to.heading_rad - believed.heading_rad));
         let motion = world.drive(if now_s > REST_S { wheels } else { Twist2::default() });
         filter.advance(world.now_ns, &motion);
         for (place, sensor) in sensors.iter().enumerate() {
@@ -96,7 +97,9 @@ fn a_gyro_that_tells_nothing_of_the_turn_never_makes_the_pose_surer_than_it_is_t
                 // Who goes straight knows nothing of it; who turns does.
                 match held.named {
                     None => assert_eq!(share, 1.0, "unnamed"),
-                    Some((at_s, place)) => assert!(share < 1.0 && place == 0 && at_s < TURNS_S + 1.0, "{held:?}"),
+                    Some((at_s, place)) => {
+                        assert!(share < 1.0 && place == 0 && at_s < TURNS_S + 1.0, "{held:?}")
+                    }
                 }
             }
         }

@@ -51,7 +51,10 @@ fn two_that_contradict_are_named_and_the_pose_stays_with_one_of_them() {
                 let seen = watched(every, wrong, off_m, 1);
                 println!("{every:?} ms, {off_m} m, {wrong} wrong: {seen:?}");
                 assert_eq!(seen.named.contains(&true), off_m > 0.0);
-                assert!(seen.off_m < off_m + 0.01 && seen.outside < 0.01, "{every:?} {off_m} {wrong}: {seen:?}");
+                assert!(
+                    seen.off_m < off_m + 0.01 && seen.outside < 0.01,
+                    "{every:?} {off_m} {wrong}: {seen:?}"
+                );
             }
         }
     }
