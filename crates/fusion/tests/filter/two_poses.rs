@@ -24,9 +24,9 @@ fn watched(every: [u64; 2], wrong: usize, off_m: f64, seed: u64) -> Seen {
         let mut motion = world.step();
         motion.is_free = cycle < 2000;
         filter.advance(world.now_ns, &motion);
-        for place in 0..2 {
+        for (place, every) in every.into_iter().enumerate() {
             let Reading::Pose { map_from_sensor, covariance } = world.read(place) else { unreachable!() };
-            if cycle.is_multiple_of(every[place]) {
+            if cycle.is_multiple_of(every) {
                 let by = if place == wrong { off_m } else { 0.0 };
                 let map_from_sensor = Pose2 { x_m: map_from_sensor.x_m + by, ..map_from_sensor };
                 filter.hear(place, world.now_ns, &Reading::Pose { map_from_sensor, covariance });
