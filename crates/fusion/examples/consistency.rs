@@ -9,6 +9,7 @@
 
 use omnibase_fusion::{Filter, Sensor, SensorKind};
 
+#[allow(dead_code, reason = "the tests use more of it")]
 #[path = "../tests/filter/world.rs"]
 mod world;
 use world::{Chance, PERIOD_NS, World, error, gyro, mouse, nees, settings, tracker};
