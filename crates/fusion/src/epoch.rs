@@ -248,7 +248,7 @@ impl Epoch {
             None => [0.0; 3],
         };
         let Knowledge { belief, flaws, .. } = known;
-        let drawn = flaws.iter_mut().enumerate();
+        let drawn = flaws.iter_mut().enumerate().filter(|(_, flaw)| flaw.is_followed);
         let drawn = drawn.map(|(n, flaw)| (&mut flaw.drawn, longer(n)));
         let from = belief.map_from_body;
         let truly = belief.advance(step, self.time_s, sigma, drawn);

@@ -59,6 +59,8 @@ pub struct Standing {
     said_new: u32,
     /// The instant of the last one that was taken in, ns; and by how much the pose may be off because of what it says, m and rad.
     agreed_ns: Option<u64>,
+    /// What it sees of a pose that is off, m and rad: more than so much.
+    pub(crate) sees: [f64; 3],
     pub(crate) doubted: [f64; 2],
     /// By how much its last reading was off, where that contradicted.
     pub(crate) off: Option<[f64; 3]>,
@@ -84,6 +86,7 @@ impl Default for Standing {
             longest: 0,
             said_new: 0,
             agreed_ns: None,
+            sees: [0.0; 3],
             doubted: [0.0; 2],
             off: None,
             elsewhere: None,
@@ -114,9 +117,10 @@ impl Standing {
         self.is_believed() && !self.is_doubtful() && self.silent_s(instant_ns) <= LONGEST_S
     }
 
-    /// Whether it was taken in after another was heard last, and is believed yet.
-    pub(crate) fn agreed_since(&self, other: &Standing) -> bool {
-        self.is_believed() && self.agreed_ns > other.heard_ns
+    /// Whether it was taken in after another was heard last, is believed yet, and would see what that one is off.
+    pub(crate) fn refutes(&self, other: &Standing, off: &[f64; 3]) -> bool {
+        let sees = off.iter().zip(self.sees).any(|(off, sees)| off.abs() > sees);
+        self.is_believed() && self.agreed_ns > other.heard_ns && sees
     }
 
     /// How long it was silent before an instant, s; infinite where nothing was heard.

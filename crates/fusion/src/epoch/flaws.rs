@@ -71,12 +71,19 @@ pub struct Flaw {
     pub(super) drawn: Along,
     told: Told,
     usual: f64,
+    /// There is such a sensor, and it spoke.
+    pub(super) is_followed: bool,
 }
 
 impl Flaw {
     /// That of a place of which nothing is known.
     pub(crate) fn new(place: usize) -> Flaw {
-        Flaw { drawn: [0.0; STATES], told: Told::default(), usual: USUAL[kind_of(place)] }
+        Flaw {
+            drawn: [0.0; STATES],
+            told: Told::default(),
+            usual: USUAL[kind_of(place)],
+            is_followed: WHEELS.contains(&place),
+        }
     }
 
     /// How great it is: by how much instants are too early, s, or which share isn't told. Until it is told better, by nothing much.
@@ -127,7 +134,7 @@ impl Knowledge {
     /// What flaws that there seem to be may have made of the pose: its covariance, xx, xy, xψ, yy, yψ, ψψ.
     pub(crate) fn by_flaws(&self) -> [f64; 6] {
         let mut sum = [0.0; 6];
-        for flaw in self.flaws.iter().filter(|flaw| flaw.explains() > SEEMS) {
+        for flaw in self.flaws.iter().filter(|flaw| flaw.is_followed && flaw.explains() > SEEMS) {
             let [x, y, turn, ..] = flaw.drawn;
             let off2 = flaw.size().powi(2) + flaw.variance();
             for (sum, product) in sum.iter_mut().zip([x * x, x * y, x * turn, y * y, y * turn, turn * turn]) {
@@ -140,7 +147,8 @@ impl Knowledge {
     /// Time passes.
     pub(super) fn forget_flaws(&mut self, time_s: f64) {
         let keep = MEMORY_S.map(|memory_s| (-time_s / memory_s).exp());
-        for (place, Flaw { drawn, told, .. }) in self.flaws.iter_mut().enumerate() {
+        let followed = self.flaws.iter_mut().enumerate().filter(|(_, flaw)| flaw.is_followed);
+        for (place, Flaw { drawn, told, .. }) in followed {
             let keep = keep[kind_of(place)];
             *told = Told {
                 times_size: keep * told.times_size,
@@ -160,7 +168,8 @@ impl Knowledge {
     ) {
         let whitened = innovation.whitened();
         for (flaw, change) in self.flaws.iter_mut().zip(changes) {
-            if change.is_none() && flaw.drawn == [0.0; STATES] {
+            flaw.is_followed |= change.is_some();
+            if !flaw.is_followed {
                 continue;
             }
             let changes = flaw.change(innovation, change.unwrap_or([0.0; M]));
@@ -185,6 +194,7 @@ impl Knowledge {
     ) {
         for place in own {
             let flaw = &mut self.flaws[*place];
+            flaw.is_followed = true;
             let change = flaw.change(innovation, changes[*place].unwrap_or([0.0; M]));
             flaw.told.add(told(change, innovation));
         }

@@ -18,12 +18,12 @@ const SLIPS_OF_WAY: f64 = 0.2;
 const CARRIED_NS: u64 = 1_000_000_000;
 
 impl Knowledge {
-    /// Whether another sensor of poses agreed since one was heard: what that is off is no slip, nor was the platform carried.
-    fn is_refuted(&self, sensors: &[Sensor], one: usize) -> bool {
+    /// Whether another sensor of poses agreed since one was heard that would see it: what that is off is no slip, nor was the platform carried.
+    fn is_refuted(&self, sensors: &[Sensor], one: usize, off: &[f64; 3]) -> bool {
         let poses = sensors.iter().zip(&self.standings).enumerate();
         let mut others =
             poses.filter(|(place, (sensor, _))| *place != one && sensor.kind == SensorKind::Pose);
-        others.any(|(_, (_, other))| other.agreed_since(&self.standings[one]))
+        others.any(|(_, (_, other))| other.refutes(&self.standings[one], off))
     }
 }
 
@@ -76,12 +76,13 @@ impl Epoch {
         let mut changes = [None; FLAWS];
         changes[POSES + heard.sensor] = Some(speed_of(sensor, known));
         let driven_m = known.driven_m();
-        let is_refuted = known.is_refuted(sensors, heard.sensor);
+        let is_refuted = known.is_refuted(sensors, heard.sensor, &off);
         let standing = &mut known.standings[heard.sensor];
         standing.nis = innovation.nis / 3.0;
         let said = [heard.map_from_sensor.x_m, heard.map_from_sensor.y_m, heard.map_from_sensor.heading_rad];
         let bound: [f64; 3] = std::array::from_fn(|n| REPEATS_SIGMAS * noise[(n, n)].sqrt());
         let [way_m, turn_rad] = known.driven;
+        standing.sees = bound;
         standing.comes(heard.instant_ns, sensor.silent_ns, driven_m);
         let repeats = standing.repeats(said, [way_m, 0.0, turn_rad], bound, driven_m);
         let mut agrees = innovation.nis <= GATES[2] && !repeats;

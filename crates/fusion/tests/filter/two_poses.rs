@@ -1,6 +1,6 @@
 //! Two sensors of poses that contradict each other.
 
-use omnibase_fusion::{Filter, Reading, Verdict};
+use omnibase_fusion::{Filter, Reading, Sensor, Verdict};
 use omnibase_platform::Pose2;
 
 use crate::faulty::THREE_SIGMA;
@@ -58,4 +58,30 @@ fn two_that_contradict_are_named_and_the_pose_stays_with_one_of_them() {
             }
         }
     }
+}
+
+/// A coarse one agrees whatever wheels do.
+#[test]
+fn one_that_sees_less_does_not_refute_slip() {
+    let coarse = Sensor { sigma: [1.0, 1.0, 0.1], ..tracker() };
+    let sensors = [tracker(), coarse];
+    let mut world = World::new(3, &sensors);
+    let mut filter = Filter::new(settings(), &sensors);
+    for cycle in 1..=8000_u64 {
+        let mut motion = world.step();
+        if (4000..5000).contains(&cycle) {
+            let step = motion.body_from_next;
+            motion.body_from_next = step.then(step);
+        }
+        filter.advance(world.now_ns, &motion);
+        for (place, every) in [(1, 10), (0, 20)] {
+            if cycle > 1000 * place as u64 && cycle.is_multiple_of(every) {
+                let reading = world.read(place);
+                filter.hear(place, world.now_ns, &reading);
+            }
+        }
+        assert_ne!(filter.verdict(0).0, Verdict::Contradicts, "{cycle}");
+    }
+    let [x, y, _] = error(&filter, world.truth);
+    assert!(x.hypot(y) < 3e-3, "{x} {y}");
 }
