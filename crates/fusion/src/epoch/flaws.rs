@@ -111,12 +111,12 @@ impl Flaw {
     }
 }
 
-fn told<const M: usize>(change: [f64; M], innovation: &Innovation<M>) -> Told {
-    let off = innovation.whiten(innovation.off());
+/// Of a reading that is off by so much, and by so much beyond chance.
+fn told<const M: usize>(change: [f64; M], off: [f64; M], beyond: f64) -> Told {
     let sum = |one: [f64; M], other: [f64; M]| -> f64 {
         one.iter().zip(other).map(|(one, other)| one * other).sum()
     };
-    Told { times_size: sum(change, off), weight: sum(change, change), beyond: innovation.nis - M as f64 }
+    Told { times_size: sum(change, off), weight: sum(change, change), beyond }
 }
 
 impl Knowledge {
@@ -167,6 +167,7 @@ impl Knowledge {
         is_new: bool,
     ) {
         let whitened = innovation.whitened();
+        let (off, beyond) = (innovation.whiten(innovation.off()), innovation.nis - M as f64);
         for (flaw, change) in self.flaws.iter_mut().zip(changes) {
             flaw.is_followed |= change.is_some();
             if !flaw.is_followed {
@@ -174,7 +175,7 @@ impl Knowledge {
             }
             let changes = flaw.change(innovation, change.unwrap_or([0.0; M]));
             if is_new {
-                flaw.told.add(told(changes, innovation));
+                flaw.told.add(told(changes, off, beyond));
             }
             for (change, moves) in changes.iter().zip(&whitened.moves) {
                 for (drawn, moved) in flaw.drawn.iter_mut().zip(moves) {
@@ -192,11 +193,12 @@ impl Knowledge {
         innovation: &Innovation<M>,
         changes: Changes<M>,
     ) {
+        let (off, beyond) = (innovation.whiten(innovation.off()), innovation.nis - M as f64);
         for place in own {
             let flaw = &mut self.flaws[*place];
             flaw.is_followed = true;
             let change = flaw.change(innovation, changes[*place].unwrap_or([0.0; M]));
-            flaw.told.add(told(change, innovation));
+            flaw.told.add(told(change, off, beyond));
         }
     }
 
