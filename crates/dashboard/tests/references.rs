@@ -134,13 +134,22 @@ fn what_nobody_reads_of_a_loaded_motion_is_refused_with_what_is_expected_and_fou
     });
 }
 
+struct Over<'a>(&'a AtomicBool);
+
+impl Drop for Over<'_> {
+    fn drop(&mut self) {
+        self.0.store(true, Ordering::Relaxed);
+    }
+}
+
 /// A robot that follows what it is told to, or refuses all of it, until it is over.
 fn obey(mut end: LiveEnd, refuses: &AtomicBool, is_over: &AtomicBool) {
     let mut seen = Snapshot { phase: Phase::Holding, ..Snapshot::default() };
     seen.record.course = Course::Reference;
     let mut loaded = 0;
     while !is_over.load(Ordering::Relaxed) {
-        seen.record.time.now_ns += 1_000_000;
+        // Nothing grows old, however long it is planned.
+        seen.record.time.now_ns += 1;
         let turn = end.turn(seen.record.time.now_ns, &seen.record, seen.phase);
         if let Some((number, reference)) = turn.offer {
             loaded = number;
@@ -167,6 +176,8 @@ fn a_drive_that_the_robot_itself_refuses_leaves_it_on_the_one_before_or_where_it
     let Bench { dashboard, end, folder, .. } = Bench::new();
     let (refuses, is_over) = (AtomicBool::new(true), AtomicBool::new(false));
     std::thread::scope(|scope| {
+        // Whatever fails here, the robot's thread ends.
+        let _over = Over(&is_over);
         scope.spawn(|| obey(end, &refuses, &is_over));
         let mut page = Page::at(dashboard.address);
         assert_eq!(page.hear("may")["may"], "command");
@@ -203,7 +214,6 @@ fn a_drive_that_the_robot_itself_refuses_leaves_it_on_the_one_before_or_where_it
             (&way["goal"][0], &way["under_way"], &way["failed"]),
             (&json!(2.0), &json!(true), &json!(false))
         );
-        is_over.store(true, Ordering::Relaxed);
     });
     drop((dashboard, folder));
 }

@@ -230,7 +230,7 @@ fn by_speed_a_floor_that_has_less_than_was_told_is_told_in_the_first_millimetres
                     "{name}: {slid:?}"
                 );
                 if let Some(friction) = slid.friction.filter(|_| robot == BMM) {
-                    let is_near = (0.8 * floor[1]..1.1 * floor[0]).contains(&friction);
+                    let is_near = (0.75 * floor[1]..1.1 * floor[0]).contains(&friction);
                     assert!(is_near, "{floor:?}, {name}: {friction}");
                 }
             }

@@ -64,7 +64,8 @@ impl Controller for OpenLoop {
     fn update(&mut self, time: &CycleTime, _: &PlatformState, setpoint: &Setpoint) -> Commands {
         // The reference's own heading: what isn't measured can't be wrong.
         let heading_rad = setpoint.odom_from_body.heading_rad;
-        self.wheels.commands(forward(setpoint, self.swing.lead_s(time)), heading_rad, 0.5 * time.period_s())
+        let forward = forward(setpoint, self.swing.lead_s(time, setpoint));
+        self.wheels.commands(forward, heading_rad, 0.5 * time.period_s())
     }
 }
 
@@ -104,7 +105,7 @@ impl Controller for ClosedLoopSpeed {
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands {
         let error = pose_error(&setpoint.odom_from_body, &state.odom_from_body);
         let lead_s = LEAD_PERIODS * time.period_s();
-        let forward = forward(setpoint, lead_s + self.swing.lead_s(time));
+        let forward = forward(setpoint, lead_s + self.swing.lead_s(time, setpoint));
         let speed: [f64; 3] = std::array::from_fn(|axis| forward[axis] + self.kp_1_s[axis] * error[axis]);
         let (speed, _) = within_speed(speed, &self.limits);
         self.wheels.commands(speed, state.odom_from_body.heading_rad, lead_s)
