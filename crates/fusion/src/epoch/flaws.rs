@@ -21,7 +21,7 @@ const MEMORY_S: [f64; 3] = [1.0, 8.0, 20.0];
 const LEAST_OFF_S: f64 = 0.02;
 /// Shares of what is measured that are off by less are never named.
 const LEAST_OFF: f64 = 0.5;
-/// A sensor that was named is believed again, and counts in full, when it is known to tell all of what it measures but so much.
+/// A gyro that was named is believed again, and counts in full, when it is known to tell all of what it measures but so much.
 const SHOWN: f64 = 0.25;
 /// What is seen is beyond chance by so much: chi² with one degree of freedom.
 const SURE: f64 = 25.0;
