@@ -35,5 +35,5 @@ pub use build::{Build, SensorMount, Tolerances};
 pub use dataset::{Dataset, DatasetError, PlaceSample, PoseSample, Run, Step, TurnSample};
 pub use drift::Drift;
 pub use errors::WheelErrors;
-pub use solve::{Found, Solution, SolveError, solve};
+pub use solve::{Found, MOST_DOUBTED, Solution, SolveError, WORST_CHI_SQUARE, solve};
 pub use unknown::Unknown;

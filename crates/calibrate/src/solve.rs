@@ -99,9 +99,10 @@ impl Found {
     }
 }
 
-/// Runs with residuals above this, or with more poses in doubt than this part of them, don't fit what was said of them.
-const WORST_CHI_SQUARE: f64 = 4.0;
-const MOST_DOUBTED: f64 = 0.1;
+/// χ² per freedom of runs that don't fit what was said of them is above this.
+pub const WORST_CHI_SQUARE: f64 = 4.0;
+/// Or more poses than this part of them are in doubt.
+pub const MOST_DOUBTED: f64 = 0.1;
 
 /// Where the platform was in a run, as the solution has it.
 #[derive(Clone, Debug, PartialEq)]
@@ -147,11 +148,16 @@ impl Solution {
         self.chi_square / self.freedoms.max(1) as f64
     }
 
-    /// Whether the runs fit what was said of them: residuals are as great as they should be, and few poses are doubted.
-    pub fn is_sound(&self) -> bool {
+    /// Which part of all poses is in doubt.
+    pub fn doubted(&self) -> f64 {
         let poses: usize = self.runs.iter().map(|run| run.residuals.len()).sum();
         let doubted: usize = self.runs.iter().map(|run| run.doubted).sum();
-        self.reduced_chi_square() <= WORST_CHI_SQUARE && doubted as f64 <= MOST_DOUBTED * poses as f64
+        doubted as f64 / poses.max(1) as f64
+    }
+
+    /// Whether the runs fit what was said of them: residuals are as great as they should be, and few poses are doubted.
+    pub fn is_sound(&self) -> bool {
+        self.reduced_chi_square() <= WORST_CHI_SQUARE && self.doubted() <= MOST_DOUBTED
     }
 
     /// One of the unknowns.

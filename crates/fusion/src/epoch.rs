@@ -127,7 +127,7 @@ pub struct Knowledge {
     pub driven: [f64; 2],
     /// What is known of accelerometers, by their places among those that tell speeds.
     pub inertia: [Inertia; MAX_RATES],
-    /// What is known of the flaws of those that tell speeds, and of the wheels' clocks.
+    /// What is known of the flaws of those that tell speeds, and of the clocks of wheels and poses.
     pub flaws: [Flaw; FLAWS],
     /// What gyros that weren't shown right may have made of the pose.
     pub unshown: Unshown,

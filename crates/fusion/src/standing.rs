@@ -57,10 +57,11 @@ pub struct Standing {
     same: (u32, f64),
     longest: u32,
     said_new: u32,
-    /// The instant of the last one that was taken in, ns; and by how much the pose may be off because of what it says, m and rad.
+    /// The instant of the last one that was taken in, ns.
     agreed_ns: Option<u64>,
     /// What it sees of a pose that is off, m and rad: more than so much.
     pub(crate) sees: [f64; 3],
+    /// By how much the pose may be off because of what it says, m and rad.
     pub(crate) doubted: [f64; 2],
     /// By how much its last reading was off, where that contradicted.
     pub(crate) off: Option<[f64; 3]>,

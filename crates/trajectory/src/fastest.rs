@@ -134,15 +134,20 @@ impl Start {
         Ok(Start { grid, reached, acceleration, window_s })
     }
 
-    /// The mean with limits lowered so that it keeps them all.
-    fn smoothed(&self, path: &impl GeometricPath, bounds: &PlatformBounds) -> Result<Progress, FastestError> {
+    /// The mean, with limits lowered so that it keeps them all.
+    fn smoothed(
+        &self,
+        path: &impl GeometricPath,
+        bounds: &PlatformBounds,
+        mean: Progress,
+    ) -> Result<Progress, FastestError> {
         let window_s = self.window_s;
         let (mut grid, mut reached) = (self.grid.clone(), self.reached.clone());
         let joints = path.breaks();
         let mut calm: f64 = 0.0;
         let mut round = 0;
+        let mut found = FastestTrajectory::of(path, mean);
         loop {
-            let mut found = FastestTrajectory::of(path, Progress::new(&grid.sigma, &reached.x, window_s));
             let duration_s = found.duration_s();
             // It becomes longer by each round.
             if duration_s.is_nan() || duration_s > LONGEST_S {
@@ -172,6 +177,7 @@ impl Start {
             grid.slow(&hot, &before);
             grid.apply(&mut reached);
             reached.solve(&grid.intervals, &grid.most, &self.acceleration, [0.0, 0.0])?;
+            found = FastestTrajectory::of(path, Progress::new(&grid.sigma, &reached.x, window_s));
         }
     }
 
@@ -231,8 +237,9 @@ impl<P: GeometricPath> FastestTrajectory<P> {
         };
         let mut best = near(&mean);
         // Lowered limits make the mean longer, never shorter.
-        if best.as_ref().is_none_or(|best| best.duration_s() > (1.0 + LONGER) * mean.duration_s()) {
-            let smoothed = start.smoothed(&path, bounds)?;
+        let most_s = (1.0 + LONGER) * mean.duration_s();
+        if best.as_ref().is_none_or(|best| best.duration_s() > most_s) {
+            let smoothed = start.smoothed(&path, bounds, mean)?;
             let others = [best.or_else(|| near(&smoothed)), Some(smoothed)];
             best = others.into_iter().flatten().min_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
         }

@@ -225,8 +225,8 @@ impl Knowledge {
                 let clock = &self.flaws[own[0].0];
                 let is_off = clock.size().abs() > 0.5 * LEAST_OFF_S && clock.explains() > SURE;
                 // A gyro agrees whenever nothing turns; others are held against every way.
-                let is_gyro = sensors[place].kind.is_gyro();
-                if is_off || rate.is_some_and(|rate| is_gyro && !self.is_shown(rate)) {
+                let gyro = rate.filter(|_| sensors[place].kind.is_gyro());
+                if is_off || gyro.is_some_and(|rate| !self.is_shown(rate)) {
                     self.standings[place].name(end_ns, Verdict::Contradicts);
                 }
                 continue;

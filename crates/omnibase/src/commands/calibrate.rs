@@ -12,7 +12,9 @@ use crate::progress::{note, warn};
 use crate::robot_file::{Changes, RobotSource};
 use anyhow::Context;
 use drive::Driven;
-use omnibase_calibrate::{Build, Dataset, Drift, SensorMount, Solution, Tolerances, solve};
+use omnibase_calibrate::{
+    Build, Dataset, Drift, MOST_DOUBTED, SensorMount, Solution, Tolerances, WORST_CHI_SQUARE, solve,
+};
 use omnibase_measure::measured::FloorPose;
 use omnibase_platform::Wheel;
 use omnibase_robot::config::{InputOwner, SensorName, SensorPlan};
@@ -39,7 +41,8 @@ use std::sync::Arc;
   omnibase calibrate bmm.toml --from run.mcap --truth source:mocap --write bmm-found.toml
   omnibase calibrate bmm.toml --from out.mcap --tape \"0 0 0\" --tape \"1.997 0.004 0.2deg\" --gyro gyro.turn
 
-Exit code 1 where the residuals are far beyond what the measurements are said to be.")]
+Exit code 1, and nothing is written, where the residuals are far beyond what the measurements are said to be (chi² above 4), or more
+than a tenth of the poses is wild.")]
 pub struct Arguments {
     /// Robot file (TOML): what is expected, and how well, by its table `estimator`.
     robot: PathBuf,
@@ -231,9 +234,12 @@ pub fn run(
         std::fs::write(path, page.html()).with_context(|| format!("writing `{}`", path.display()))?;
     }
     if !solution.is_sound() && arguments.write.is_some() {
-        warn(
-            "the runs don't fit what was said of them: chi² is above 4, or a tenth of the poses is wild; nothing is written",
-        );
+        let (chi_square, doubted) = (solution.reduced_chi_square(), 100.0 * solution.doubted());
+        warn(format_args!(
+            "the runs don't fit what was said of them: chi² per freedom is {chi_square:.2}, expected at most {WORST_CHI_SQUARE}; \
+             {doubted:.1} % of the poses are wild, expected at most {} %; nothing is written",
+            100.0 * MOST_DOUBTED
+        ));
     } else if let Some(path) = &arguments.write {
         let names = write::SensorNames {
             tracker: tracker(&plan, arguments.truth.as_ref()).map(|one| one.name.as_str()),

@@ -118,7 +118,8 @@ pub fn run(
     let learner = if arguments.from.is_empty() {
         repeated(arguments, &plan, registry, rows, output)?
     } else {
-        recorded(arguments, &plan, is_chosen, registry, rows, output)?
+        let motion = is_chosen.then(|| Motion::of(&plan, registry)).transpose()?;
+        recorded(arguments, &plan, motion, registry, rows, output)?
     };
     let correction = if arguments.from.is_empty() { learner.best() } else { Some(learner.next()) };
     if arguments.json {
@@ -234,35 +235,34 @@ fn driven(
     Ok(recording)
 }
 
-/// Learns from recordings, one after the other: of one robot, and of one motion, that of the command line where it says one.
+/// Learns from recordings, one after the other: of one robot, and of one motion, that of the first one where none is told.
 fn recorded(
     arguments: &Arguments,
     plan: &RobotPlan,
-    is_chosen: bool,
+    mut motion: Option<Motion>,
     registry: &Registry,
     rows: &mut Vec<Row>,
     output: &mut dyn Write,
 ) -> anyhow::Result<Learner> {
-    let mut motion = if is_chosen { Some(Motion::of(plan, registry)?) } else { None };
     let mut learner = None;
     for path in &arguments.from {
-        let learnt = (|| -> anyhow::Result<Learnt> {
-            let (recorded, its_plan) = recording(path, registry)?;
-            let names = [&its_plan, plan].map(|plan| (&plan.name, plan.drives.len()));
-            ensure!(
-                names[0] == names[1],
-                "it is of `{}` with {} wheels, expected `{}` with {}",
-                names[0].0,
-                names[0].1,
-                names[1].0,
-                names[1].1
-            );
-            let its_motion = Motion::of(&its_plan, registry)?;
-            motion.get_or_insert_with(|| its_motion.clone()).check(&its_motion)?;
-            let repeat = repeat_of(&recorded, &its_plan, registry)?;
-            Ok(learner.get_or_insert_with(|| Learner::new(repeat.duration_s())).learn(&repeat)?)
-        })();
-        let learnt = learnt.with_context(|| format!("`{}`", path.display()))?;
+        let name = || format!("`{}`", path.display());
+        let (recorded, its_plan) = recording(path, registry).with_context(name)?;
+        let repeat = repeat_of(&recorded, &its_plan, registry).with_context(name)?;
+        let [found, expected] = [&its_plan, plan].map(|plan| (&plan.name, plan.drives.len()));
+        ensure!(
+            found == expected,
+            "{}: it is of `{}` with {} wheels, expected `{}` with {}",
+            name(),
+            found.0,
+            found.1,
+            expected.0,
+            expected.1
+        );
+        let its_motion = Motion::of(&its_plan, registry).with_context(name)?;
+        motion.get_or_insert_with(|| its_motion.clone()).check(&its_motion).with_context(name)?;
+        let learner = learner.get_or_insert_with(|| Learner::new(repeat.duration_s()));
+        let learnt = learner.learn(&repeat).with_context(name)?;
         tell(learnt.into(), rows, arguments.json, output)?;
     }
     learner.context("expected a recording")
@@ -288,9 +288,9 @@ impl Motion {
         let duration_s = reference.duration_s().unwrap_or(f64::INFINITY);
         reference.start(&Setpoint::default());
         let last_s = if duration_s.is_finite() { duration_s } else { 0.0 };
-        let mut pose =
-            |look: u32| reference.sample(last_s * f64::from(look) / f64::from(Self::LOOKS)).odom_from_body;
-        Ok(Motion { duration_s, poses: (0..=Self::LOOKS).map(&mut pose).collect() })
+        let times_s = (0..=Self::LOOKS).map(|look| last_s * f64::from(look) / f64::from(Self::LOOKS));
+        let poses = times_s.map(|time_s| reference.sample(time_s).odom_from_body).collect();
+        Ok(Motion { duration_s, poses })
     }
 
     /// Refuses another one.
@@ -300,8 +300,9 @@ impl Motion {
             one.distance_m(*other).max(turned_rad)
         };
         let most = self.poses.iter().zip(&other.poses).map(apart).fold(0.0, f64::max);
+        // Two without an end are as long.
         let is_as_long =
-            (self.duration_s - other.duration_s).abs() <= Self::SAME || self.duration_s == other.duration_s;
+            self.duration_s == other.duration_s || (self.duration_s - other.duration_s).abs() <= Self::SAME;
         ensure!(
             most <= Self::SAME && is_as_long,
             "it is of another motion: of {} s, expected {} s, and up to {most:.3} m or rad beside the one that is learnt",
