@@ -4,13 +4,23 @@
 //! wheels make of it (to first order a constant matrix, whatever the layout), s the speed by which they slip over the
 //! floor: a Gauss-Markov process whose strength goes with the motion.
 
+mod carrying;
+
 use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, Pose2};
 
-use crate::sensor::MAX_RATES;
+use crate::sensor::{MAX_RATES, MAX_SENSORS};
+use carrying::Carrying;
+pub(crate) use carrying::Meanwhile;
 
 /// Numbers that are estimated together: pose, E, s, and two of each sensor that tells a speed.
 pub const STATES: usize = OWN + 2 * MAX_RATES;
+/// Flaws that are followed beside them: two of the wheels, two of each sensor that tells a speed, one of each of poses.
+pub const FLAWS: usize = 2 + 2 * MAX_RATES + (MAX_SENSORS - MAX_RATES);
+/// The flaws of wheels: as their way and as their turn lag.
+pub(crate) const WHEELS: [usize; 2] = [0, 1];
+/// So many are computed along, four by four.
+const COLUMNS: usize = (STATES + FLAWS).next_multiple_of(4);
 /// E, row by row.
 pub(crate) const GEOMETRY: usize = 3;
 /// s in body axes, m/s and rad/s.
@@ -24,13 +34,11 @@ const ERRORS: usize = STATES - 3;
 /// accelerations.
 pub(crate) const SLIP_TIME_S: f64 = 0.15;
 
-/// The share of slip that is left after a time, s.
-pub(crate) fn slip_kept(time_s: f64) -> f64 {
-    (-time_s / SLIP_TIME_S).exp()
-}
+/// What a number has to do with each that is estimated, and behind these what one of each flaw makes of it.
+pub(crate) type Along = [f64; COLUMNS];
 
-/// All that is estimated, number by number: an error of it, or what one number has to do with each.
-pub(crate) type Along = [f64; STATES];
+/// By how much a reading changes with one of a flaw.
+pub(crate) type Change<const M: usize> = (usize, [f64; M]);
 
 /// How one number of a reading depends on what is estimated.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -68,14 +76,11 @@ impl<const M: usize> Rows<M> {
         x * errors[at] + y * errors[at + 1] + turn * errors[at + 2] - errors[SLIP + axis]
     }
 
-    /// What errors make of each number.
-    pub(crate) fn of(&self, errors: &Along) -> [f64; M] {
-        let mut twist = [0.0; 3];
-        for (axis, of_twist) in twist.iter_mut().enumerate() {
-            *of_twist = self.of_twist(axis, errors);
-        }
+    /// What errors make of the first `count` numbers.
+    fn of(&self, errors: &Along, count: usize) -> [f64; M] {
+        let twist: [f64; 3] = std::array::from_fn(|axis| self.of_twist(axis, errors));
         let mut made = [0.0; M];
-        for (made, Row { pose, twist: by, own }) in made.iter_mut().zip(&self.rows) {
+        for (made, Row { pose, twist: by, own }) in made.iter_mut().zip(&self.rows).take(count) {
             *made = pose[0] * errors[0]
                 + pose[1] * errors[1]
                 + pose[2] * errors[2]
@@ -88,35 +93,34 @@ impl<const M: usize> Rows<M> {
         made
     }
 
-    /// The covariance of each number with all that is estimated.
+    /// What each number has to do with all that is estimated, and what one of each flaw makes of it.
     fn carried(&self, covariance: &[Along; STATES]) -> [Along; M] {
-        let mut carried = [[0.0; STATES]; M];
-        let mut add = |values: &Along, derivative: &dyn Fn(&Row) -> f64| {
+        let mut carried = [[0.0; COLUMNS]; M];
+        let add = |carried: &mut [Along; M], values: &Along, derivative: &dyn Fn(&Row) -> f64| {
             for (carried, row) in carried.iter_mut().zip(&self.rows) {
-                match derivative(row) {
-                    0.0 => {}
-                    factor => add_scaled(carried, factor, values),
+                let factor = derivative(row);
+                if factor != 0.0 {
+                    add_scaled(carried, factor, values);
                 }
             }
         };
         for axis in 0..3 {
-            if self.rows.iter().any(|row| row.pose[axis] != 0.0) {
-                add(&covariance[axis], &|row| row.pose[axis]);
-            }
+            add(&mut carried, &covariance[axis], &|row| row.pose[axis]);
             if self.rows.iter().any(|row| row.twist[axis] != 0.0) {
                 let at = GEOMETRY + 3 * axis;
-                let mut of_twist = [0.0; STATES];
-                add_scaled(&mut of_twist, -1.0, &covariance[SLIP + axis]);
-                for (speed, values) in self.by_wheels.iter().zip(&covariance[at..]) {
-                    add_scaled(&mut of_twist, *speed, values);
+                let ([x, y, turn], slip) = (self.by_wheels, &covariance[SLIP + axis]);
+                let by: [f64; M] = std::array::from_fn(|m| self.rows[m].twist[axis]);
+                for column in 0..COLUMNS {
+                    let of = |n: usize| covariance[at + n][column];
+                    let made = -slip[column] + x * of(0) + y * of(1) + turn * of(2);
+                    for (carried, by) in carried.iter_mut().zip(&by) {
+                        carried[column] += by * made;
+                    }
                 }
-                add(&of_twist, &|row| row.twist[axis]);
             }
         }
         for n in 0..2 {
-            if self.rows.iter().any(|row| row.own[n] != 0.0) {
-                add(&covariance[self.own + n], &|row| row.own[n]);
-            }
+            add(&mut carried, &covariance[self.own + n], &|row| row.own[n]);
         }
         carried
     }
@@ -127,7 +131,10 @@ impl<const M: usize> Rows<M> {
 pub struct Belief {
     /// Where the platform is.
     pub map_from_body: Pose2,
+    /// So many numbers are estimated: what belongs to sensors that aren't there stays 0.
+    states: usize,
     errors: [f64; ERRORS],
+    /// And behind it, in each row, what one of each flaw makes of the row's number.
     covariance: [Along; STATES],
 }
 
@@ -135,22 +142,14 @@ pub struct Belief {
 #[derive(Clone, Copy, Debug)]
 pub struct Innovation<const M: usize> {
     difference: [f64; M],
-    /// How it depends on what is estimated.
-    pub(crate) rows: Rows<M>,
     /// L with L·Lᵀ = S.
     root: [[f64; M]; M],
-    carried: [Along; M],
+    /// By how much it is off in numbers of variance 1 that have nothing to do with each other: L⁻¹ of the difference.
+    pub(crate) off: [f64; M],
+    /// What one of each of these numbers off moves, and by how much one of each flaw makes it less off.
+    moves: [Along; M],
     /// ν'·S⁻¹·ν: chi² with M degrees of freedom where all is as believed.
     pub nis: f64,
-}
-
-/// A reading whose numbers have variance 1 and nothing to do with each other: L⁻¹ of all, ready to be taken in.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Whitened<const M: usize> {
-    /// By how much it is off.
-    pub(crate) off: [f64; M],
-    /// Its covariance with all that is estimated: what one of each number off moves.
-    pub(crate) moves: [Along; M],
 }
 
 /// L with L·Lᵀ = S; `None` where S is no covariance.
@@ -169,86 +168,24 @@ fn root_of<const M: usize>(s: &[[f64; M]; M]) -> Option<[[f64; M]; M]> {
     Some(root)
 }
 
-/// How the error of a pose after a step depends on all errors before it.
-struct Carrying {
-    /// What an error of the step makes of the pose, and what one of the heading does.
-    turned: [[f64; 3]; 3],
-    swept: [f64; 3],
-    u: [f64; 3],
-    time_s: f64,
+/// chi² of numbers with such a covariance; infinite where that is none.
+pub(crate) fn chi2<const M: usize>(off: &[f64; M], covariance: &SMatrix<f64, M, M>) -> f64 {
+    let root = root_of(&std::array::from_fn(|r| std::array::from_fn(|c| covariance[(r, c)])));
+    root.map_or(f64::INFINITY, |root| whiten(&root, *off).iter().map(|off| off * off).sum())
 }
 
-impl Carrying {
-    fn new(from: Pose2, to: Pose2, step: BodyStep, time_s: f64) -> Carrying {
-        let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
-        let (sin, cos) = (0.5 * (from.heading_rad + to.heading_rad)).sin_cos();
-        Carrying {
-            turned: [[cos, -sin, -0.5 * dy], [sin, cos, 0.5 * dx], [0.0, 0.0, 1.0]],
-            swept: [-dy, dx, 0.0],
-            u: [step.x_m, step.y_m, step.angle_rad],
-            time_s,
-        }
+/// L⁻¹ of numbers.
+fn whiten<const M: usize>(root: &[[f64; M]; M], mut values: [f64; M]) -> [f64; M] {
+    for r in 0..M {
+        let known: f64 = (0..r).map(|c| root[r][c] * values[c]).sum();
+        values[r] = (values[r] - known) / root[r][r];
     }
-
-    /// What is wrong with the step's component of such a number, from what is wrong with E and slip.
-    fn wrong(&self, p: impl Fn(usize) -> f64, i: usize) -> f64 {
-        let u = &self.u;
-        u[0] * p(GEOMETRY + 3 * i) + u[1] * p(GEOMETRY + 3 * i + 1) + u[2] * p(GEOMETRY + 3 * i + 2)
-            - self.time_s * p(SLIP + i)
-    }
-
-    /// What something made of all that is estimated, after the step; itself it makes the step longer by so much.
-    fn along(&self, made: &mut Along, longer: [f64; 3]) {
-        let steps = [0, 1, 2].map(|i| self.wrong(|place| made[place], i) + longer[i]);
-        let turn = made[2];
-        for ((made, turned), swept) in made.iter_mut().zip(&self.turned).zip(self.swept) {
-            *made += swept * turn + turned.iter().zip(steps).map(|(turned, step)| turned * step).sum::<f64>();
-        }
-    }
-
-    /// Covariance of the pose after the step with the first `N` numbers before it.
-    fn rows<const N: usize>(&self, p: &[Along; STATES]) -> [[f64; N]; 3] {
-        let mut steps = [[0.0; N]; 3];
-        for (i, step) in steps.iter_mut().enumerate() {
-            for (column, value) in step.iter_mut().enumerate() {
-                *value = self.wrong(|place| p[place][column], i);
-            }
-        }
-        let (turned, swept) = (&self.turned, &self.swept);
-        let mut rows = [[0.0; N]; 3];
-        for (r, row) in rows.iter_mut().enumerate() {
-            for (column, value) in row.iter_mut().enumerate() {
-                *value = p[r][column]
-                    + swept[r] * p[2][column]
-                    + turned[r][0] * steps[0][column]
-                    + turned[r][1] * steps[1][column]
-                    + turned[r][2] * steps[2][column];
-            }
-        }
-        rows
-    }
-
-    /// The covariance of the pose after the step.
-    fn block<const N: usize>(&self, rows: &[[f64; N]; 3]) -> [[f64; 3]; 3] {
-        let (turned, swept) = (&self.turned, &self.swept);
-        let mut block = [[0.0; 3]; 3];
-        for (row, values) in rows.iter().zip(&mut block) {
-            let wrong = [0, 1, 2].map(|i| self.wrong(|place| row[place], i));
-            for (q, value) in values.iter_mut().enumerate() {
-                *value = row[q]
-                    + swept[q] * row[2]
-                    + turned[q][0] * wrong[0]
-                    + turned[q][1] * wrong[1]
-                    + turned[q][2] * wrong[2];
-            }
-        }
-        std::array::from_fn(|r| std::array::from_fn(|q| 0.5 * (block[r][q] + block[q][r])))
-    }
+    values
 }
 
 impl<const M: usize> Innovation<M> {
     /// By how much the reading is off.
-    pub(crate) fn off(&self) -> [f64; M] {
+    pub(crate) fn difference(&self) -> [f64; M] {
         self.difference
     }
 
@@ -257,39 +194,22 @@ impl<const M: usize> Innovation<M> {
         self.root.map(|row| row.iter().map(|value| value * value).sum())
     }
 
-    /// L⁻¹ of numbers.
-    pub(crate) fn whiten(&self, mut values: [f64; M]) -> [f64; M] {
-        for r in 0..M {
-            let known: f64 = (0..r).map(|c| self.root[r][c] * values[c]).sum();
-            values[r] = (values[r] - known) / self.root[r][r];
-        }
-        values
-    }
-
-    pub(crate) fn whitened(&self) -> Whitened<M> {
-        let mut moves = self.carried;
-        for r in 0..M {
-            let (known, rest) = moves.split_at_mut(r);
-            for (known, factor) in known.iter().zip(&self.root[r]) {
-                add_scaled(&mut rest[0], -factor, known);
-            }
-            let per = 1.0 / self.root[r][r];
-            rest[0].iter_mut().for_each(|value| *value *= per);
-        }
-        Whitened { off: self.whiten(self.difference), moves }
+    /// By how much one of a flaw makes each number off, whitened.
+    pub(crate) fn change(&self, flaw: usize) -> [f64; M] {
+        std::array::from_fn(|m| -self.moves[m][STATES + flaw])
     }
 }
 
 impl Belief {
-    /// At a pose, with variances of all errors in their order and the covariance of E.
-    pub fn new(map_from_body: Pose2, geometry: &SMatrix<f64, 9, 9>) -> Belief {
-        let mut covariance = [[0.0; STATES]; STATES];
+    /// At a pose, with the covariance of E, and so many sensors that tell speeds.
+    pub fn new(map_from_body: Pose2, geometry: &SMatrix<f64, 9, 9>, rates: usize) -> Belief {
+        let mut covariance = [[0.0; COLUMNS]; STATES];
         for row in 0..9 {
             for column in 0..9 {
                 covariance[GEOMETRY + row][GEOMETRY + column] = geometry[(row, column)];
             }
         }
-        Belief { map_from_body, errors: [0.0; ERRORS], covariance }
+        Belief { map_from_body, states: OWN + 2 * rates, errors: [0.0; ERRORS], covariance }
     }
 
     /// An error, by its place.
@@ -312,10 +232,20 @@ impl Belief {
         self.covariance[place][place] += variance;
     }
 
+    /// What one of a flaw makes of all that is estimated.
+    pub(crate) fn drawn(&self, flaw: usize) -> [f64; STATES] {
+        std::array::from_fn(|row| self.covariance[row][STATES + flaw])
+    }
+
+    /// Nothing is known any more of what flaws make.
+    pub(crate) fn forget_flaws(&mut self) {
+        self.covariance.iter_mut().for_each(|row| row[STATES..].fill(0.0));
+    }
+
     /// All may be off along this by something of such a variance.
-    pub(crate) fn widen_along(&mut self, along: &Along, variance: f64) {
+    pub(crate) fn widen_along(&mut self, along: &[f64; STATES], variance: f64) {
         for (row, values) in self.covariance.iter_mut().enumerate() {
-            for (column, value) in values.iter_mut().enumerate() {
+            for (column, value) in values.iter_mut().take(STATES).enumerate() {
                 *value += variance * (along[row] * along[column]);
             }
         }
@@ -378,34 +308,38 @@ impl Belief {
         BodyStep::new(row(0), row(1), row(2))
     }
 
-    /// Carries the belief along a step that took a time, s, in which slip had such standard deviations, m/s and rad/s: that of
-    /// this step, its mean over that time. With it goes what somethings made of all that is estimated, and by how much the step is
-    /// longer by each. Gives the step as it is believed.
-    pub(crate) fn advance<'a>(
-        &mut self,
-        step: BodyStep,
-        time_s: f64,
-        slip_sigma: [f64; 3],
-        made: impl Iterator<Item = (&'a mut Along, [f64; 3])>,
-    ) -> BodyStep {
-        self.forget_slip(time_s, slip_sigma);
-        let truly = self.corrected(step, time_s);
-        let to = self.map_from_body.moved_by(truly);
-        let carrying = Carrying::new(self.map_from_body, to, step, time_s);
-        let keep = slip_kept(time_s);
-        for (made, longer) in made {
-            made[SLIP..OWN].iter_mut().for_each(|slip| *slip *= keep);
-            carrying.along(made, longer);
-        }
-        let rows = carrying.rows::<STATES>(&self.covariance);
-        let block = carrying.block(&rows);
+    /// Becomes what a belief is after a step. Gives the step as it is believed.
+    pub(crate) fn advance(&mut self, before: &Belief, step: BodyStep, meanwhile: &Meanwhile) -> BodyStep {
+        let mut kept = [1.0; COLUMNS];
+        kept[SLIP..OWN].fill(meanwhile.slip_kept);
+        kept[STATES..STATES + FLAWS].copy_from_slice(&meanwhile.flaws_kept);
         let p = &mut self.covariance;
-        for r in 0..3 {
-            for column in 3..STATES {
-                p[r][column] = rows[r][column];
-                p[column][r] = rows[r][column];
+        for (row, before) in p.iter_mut().zip(&before.covariance[..before.states]) {
+            for ((value, before), kept) in row.iter_mut().zip(before).zip(&kept) {
+                *value = before * kept;
             }
+        }
+        (self.states, self.errors) = (before.states, before.errors);
+        for (n, drive) in meanwhile.slip_drive().into_iter().enumerate() {
+            let at = SLIP + n;
+            self.errors[at - 3] *= meanwhile.slip_kept;
+            p[at][at] = p[at][at].max(meanwhile.slip_least[n] * meanwhile.slip_kept);
+            p[at].iter_mut().for_each(|value| *value *= meanwhile.slip_kept);
+            p[at][at] += drive;
+        }
+        self.map_from_body = before.map_from_body;
+        let truly = self.corrected(step, meanwhile.time_s);
+        let to = self.map_from_body.moved_by(truly);
+        let carrying = Carrying::new(self.map_from_body, to, step, meanwhile.time_s);
+        let p = &mut self.covariance;
+        let rows = carrying.rows::<COLUMNS>(p, &meanwhile.longer);
+        let block = carrying.block(&rows);
+        for (r, row) in rows.iter().enumerate() {
+            p[r] = *row;
             p[r][..3].copy_from_slice(&block[r]);
+            for (column, value) in row.iter().enumerate().take(self.states).skip(3) {
+                p[column][r] = *value;
+            }
         }
         self.map_from_body = to;
         truly
@@ -415,60 +349,71 @@ impl Belief {
     pub fn pose_covariance_at(&self, to: Pose2, step: BodyStep, time_s: f64) -> [f64; 6] {
         let carrying = Carrying::new(self.map_from_body, to, step, time_s);
         // The pose depends on nothing beyond.
-        let p = carrying.block(&carrying.rows::<OWN>(&self.covariance));
+        let p = carrying.block(&carrying.rows::<OWN>(&self.covariance, &[[0.0; 3]; 2]));
         [p[0][0], p[0][1], p[0][2], p[1][1], p[1][2], p[2][2]]
     }
 
-    fn forget_slip(&mut self, time_s: f64, sigma: [f64; 3]) {
-        let keep = slip_kept(time_s);
-        for (i, sigma) in sigma.iter().enumerate() {
-            let at = SLIP + i;
-            self.errors[at - 3] *= keep;
-            for place in 0..STATES {
-                self.covariance[at][place] *= keep;
-                self.covariance[place][at] *= keep;
-            }
-            self.covariance[at][at] += sigma * sigma * (1.0 - keep * keep);
-        }
-    }
-
-    /// A reading against what is believed: by how much it is off, how that depends on what is estimated, and the
-    /// covariance of its own noise. `None` where that can't be one.
-    pub fn innovation<const M: usize>(
+    /// A reading against what is believed: by how much it is off, how that depends on what is estimated, the covariance of its own
+    /// noise, and how it changes with flaws. `None` where that can't be one.
+    pub(crate) fn innovation<const M: usize>(
         &self,
         difference: [f64; M],
         rows: &Rows<M>,
         noise: &SMatrix<f64, M, M>,
+        changes: &[Change<M>],
     ) -> Option<Innovation<M>> {
-        let carried = rows.carried(&self.covariance);
+        let mut moves = rows.carried(&self.covariance);
         let mut expected = [[0.0; M]; M];
-        for (r, (expected, carried)) in expected.iter_mut().zip(&carried).enumerate() {
-            for (c, (expected, of)) in expected.iter_mut().zip(rows.of(carried)).enumerate() {
+        for (r, (expected, carried)) in expected.iter_mut().zip(&moves).enumerate() {
+            for (c, (expected, of)) in expected.iter_mut().zip(rows.of(carried, r + 1)).enumerate() {
                 *expected = of + noise[(r, c)];
             }
         }
         let root = root_of(&expected)?;
-        let mut innovation = Innovation { difference, rows: *rows, root, carried, nis: 0.0 };
-        innovation.nis = innovation.whiten(difference).iter().map(|off| off * off).sum();
-        innovation.nis.is_finite().then_some(innovation)
+        let off = whiten(&root, difference);
+        let nis: f64 = off.iter().map(|off| off * off).sum();
+        if !nis.is_finite() {
+            return None;
+        }
+        for (flaw, change) in changes {
+            for (moves, change) in moves.iter_mut().zip(change) {
+                moves[STATES + flaw] -= change;
+            }
+        }
+        for (r, root) in root.iter().enumerate() {
+            let (known, rest) = moves.split_at_mut(r);
+            for (known, factor) in known.iter().zip(root) {
+                add_scaled(&mut rest[0], -factor, known);
+            }
+            let per = 1.0 / root[r];
+            rest[0].iter_mut().for_each(|value| *value *= per);
+        }
+        Some(Innovation { difference, root, off, moves, nis })
     }
 
     /// Takes it in. The covariance stays symmetric to the bit: what one number takes from two places it takes alike.
-    pub(crate) fn correct<const M: usize>(&mut self, Whitened { off, moves }: &Whitened<M>) {
-        for (row, values) in self.covariance.iter_mut().enumerate() {
-            for moved in moves {
-                add_scaled(values, -moved[row], moved);
+    pub(crate) fn correct<const M: usize>(&mut self, Innovation { off, moves, .. }: &Innovation<M>) {
+        for (row, values) in self.covariance[..self.states].iter_mut().enumerate() {
+            let factors: [f64; M] = std::array::from_fn(|m| -moves[m][row]);
+            for (column, value) in values.iter_mut().enumerate() {
+                let mut sum = *value;
+                for (factor, moved) in factors.iter().zip(moves) {
+                    sum += factor * moved[column];
+                }
+                *value = sum;
             }
         }
         let mut change = [0.0; STATES];
         for (moved, off) in moves.iter().zip(off) {
-            add_scaled(&mut change, *off, moved);
+            for (change, moved) in change.iter_mut().zip(moved) {
+                *change += off * moved;
+            }
         }
         self.shift(&change);
     }
 
     /// Moves all that is estimated.
-    pub(crate) fn shift(&mut self, change: &Along) {
+    pub(crate) fn shift(&mut self, change: &[f64; STATES]) {
         self.map_from_body.x_m += change[0];
         self.map_from_body.y_m += change[1];
         self.map_from_body.heading_rad += change[2];

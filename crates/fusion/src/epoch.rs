@@ -2,25 +2,28 @@
 //!
 //! Readings of speeds count as their mean over the epoch; poses at their own instants, on the arc of the epoch's step.
 
+mod fading;
 mod flaws;
 mod inertial;
 mod lags;
 mod lean;
+mod mounted;
 mod poses;
 mod rates;
 mod unshown;
 
-use omnibase_platform::{BodyStep, Pose2};
+use omnibase_platform::{BodyStep, Pose2, length};
 
-use crate::belief::{Belief, OWN, slip_kept};
+use crate::belief::{Belief, FLAWS, Meanwhile, OWN};
 use crate::filter::FilterSettings;
-use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
+use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, SensorKind};
 use crate::standing::Standing;
-use flaws::WHEELS;
-pub use flaws::{FLAWS, Flaw};
+pub(crate) use fading::Fading;
+pub use flaws::Flaw;
 pub use inertial::Inertia;
 pub use lags::Lag;
 pub use lean::Lean;
+pub(crate) use mounted::Mounted;
 use rates::Rates;
 pub use unshown::Unshown;
 
@@ -138,6 +141,32 @@ pub struct Knowledge {
 }
 
 impl Knowledge {
+    /// All but the belief is as before.
+    fn follow(&mut self, before: &Knowledge) {
+        let Knowledge {
+            belief: _,
+            standings,
+            is_placed,
+            doubt,
+            strained_s,
+            shared_s,
+            twist,
+            slow,
+            change,
+            driven,
+            inertia,
+            flaws,
+            unshown,
+            lags,
+            leans,
+        } = before;
+        (self.standings, self.is_placed, self.doubt) = (*standings, *is_placed, *doubt);
+        (self.strained_s, self.shared_s) = (*strained_s, *shared_s);
+        (self.twist, self.slow, self.change, self.driven) = (*twist, *slow, *change, *driven);
+        (self.inertia, self.flaws, self.unshown) = (*inertia, *flaws, *unshown);
+        (self.lags, self.leans) = (*lags, *leans);
+    }
+
     /// What it may be off beside its covariance, m and rad, because a sensor contradicts, by the one that says most.
     pub(crate) fn doubts(&self) -> [f64; 2] {
         let all = self.standings.iter().map(|standing| standing.doubted);
@@ -151,8 +180,8 @@ impl Knowledge {
 
     /// By how much the twist grew in a second lately, and what it was. This epoch's has no part in it: what wheels slip in it would
     /// seem to have to do with what sensors are off.
-    fn next_change(&mut self, time_s: f64) -> [[f64; 3]; 2] {
-        let share = 1.0 - (-time_s / SMOOTHED_S).exp();
+    fn next_change(&mut self, fading: &Fading) -> [[f64; 3]; 2] {
+        let share = 1.0 - fading.smoothed;
         let before = [self.change, self.slow];
         for (slow, now) in self.slow.iter_mut().zip(self.twist) {
             *slow += share * (now - *slow);
@@ -180,7 +209,13 @@ impl Knowledge {
 
 impl Epoch {
     /// Takes a reading of a sensor in, whose place among those that tell speeds is `rate`; whether there was room.
-    pub(crate) fn hear(&mut self, sensor: usize, rate: usize, instant_ns: u64, reading: &Reading) -> bool {
+    pub(crate) fn hear(
+        &mut self,
+        sensor: usize,
+        rate: Option<usize>,
+        instant_ns: u64,
+        reading: &Reading,
+    ) -> bool {
         let values = match *reading {
             Reading::Turn(turn) => [turn, 0.0, 0.0],
             Reading::Inertial { turn, acceleration: [x, y] } => [turn, x, y],
@@ -190,7 +225,7 @@ impl Epoch {
                 return self.hear_pose(Heard { sensor, instant_ns, map_from_sensor, covariance });
             }
         };
-        let Some(sum) = self.rates.get_mut(rate) else { return false };
+        let Some(sum) = rate.and_then(|rate| self.rates.get_mut(rate)) else { return false };
         for (sum, value) in sum.values.iter_mut().zip(values) {
             *sum += value;
         }
@@ -226,33 +261,36 @@ impl Epoch {
         self.body_from_end.log()
     }
 
-    /// Carries what is known through it.
-    pub(crate) fn pass(&self, settings: &FilterSettings, sensors: &[Sensor], known: &mut Knowledge) {
+    /// Makes what was known before it what is known after it.
+    pub(crate) fn pass(
+        &self,
+        (settings, sensors): (&FilterSettings, &[Mounted]),
+        fading: &Fading,
+        before: &Knowledge,
+        known: &mut Knowledge,
+    ) {
         if self.time_s <= 0.0 {
+            *known = *before;
             return;
         }
+        known.follow(before);
         let step = self.step();
-        let mut sigma = settings.slip_sigma(step, self.time_s);
-        for sigma in &mut sigma {
-            *sigma = sigma.hypot(self.slip_m_s);
-        }
-        let [change, slow] = known.next_change(self.time_s);
+        let wheels_slip = settings.slip_sigma(step, self.time_s);
+        let [change, slow] = known.next_change(fading);
         let slow = settings.surely(slow);
         let gain = known.strain(step, self.time_s, self.slip_m_s);
-        self.feel(sensors, step, gain, known);
-        known.forget_flaws(self.time_s);
-        let longer = change.map(|change| change * self.time_s);
-        let longer = |flaw| match WHEELS.iter().position(|wheels| *wheels == flaw) {
-            Some(0) => [longer[0], longer[1], 0.0],
-            Some(_) => [0.0, 0.0, longer[2]],
-            None => [0.0; 3],
+        let [x, y, turn] = change.map(|change| change * self.time_s);
+        let meanwhile = Meanwhile {
+            time_s: self.time_s,
+            slip_kept: fading.slip,
+            slip_sigma: wheels_slip.map(|sigma| length([sigma, self.slip_m_s])),
+            slip_least: self.feel(sensors, step, gain, known),
+            flaws_kept: known.forget_flaws(fading),
+            longer: [[x, y, 0.0], [0.0, 0.0, turn]],
         };
-        let Knowledge { belief, flaws, .. } = known;
-        let drawn = flaws.iter_mut().enumerate().filter(|(_, flaw)| flaw.is_followed);
-        let drawn = drawn.map(|(n, flaw)| (&mut flaw.drawn, longer(n)));
-        let from = belief.map_from_body;
-        let truly = belief.advance(step, self.time_s, sigma, drawn);
-        self.count_unshown(settings, sensors, from, truly, known);
+        let truly = known.belief.advance(&before.belief, step, &meanwhile);
+        let from = before.belief.map_from_body;
+        self.count_unshown(settings, sensors, (from, truly), known);
         known.driven[0] += step.distance_m();
         known.driven[1] += step.angle_rad.abs();
         let [way_m, turn_rad] = self.unread;
@@ -260,13 +298,12 @@ impl Epoch {
         known.belief.widen(1, way_m * way_m);
         known.belief.widen(2, turn_rad * turn_rad);
         for (rate, (sensor, _)) in rates(sensors) {
-            let walk = sensors[sensor].bias_walk;
+            let walk = sensors[sensor].model.bias_walk;
             known.belief.widen(OWN + 2 * rate, walk * walk * self.time_s);
         }
         if !self.has_gap {
-            let keep = slip_kept(self.time_s);
-            let slip_drive = sigma.map(|sigma| sigma * sigma * (1.0 - keep * keep));
-            Rates { epoch: self, sensors, step, gain, change, slow, slip_drive }.take(known);
+            let slip_drive = meanwhile.slip_drive();
+            Rates { epoch: self, sensors, step, gain, change, slow, slip_drive, fading }.take(known);
         }
         for heard in self.poses.iter().flatten() {
             self.take_pose(sensors, heard, known, truly);
@@ -276,7 +313,7 @@ impl Epoch {
 }
 
 /// The sensors that tell speeds: the place of each among them, among all, and its kind.
-pub(crate) fn rates(sensors: &[Sensor]) -> impl Iterator<Item = (usize, (usize, SensorKind))> + '_ {
-    let kinds = sensors.iter().map(|sensor| sensor.kind).enumerate();
-    kinds.filter(|(_, kind)| *kind != SensorKind::Pose).enumerate().take(MAX_RATES)
+pub(crate) fn rates(sensors: &[Mounted]) -> impl Iterator<Item = (usize, (usize, SensorKind))> + '_ {
+    let all = sensors.iter().enumerate();
+    all.filter_map(|(place, sensor)| Some((sensor.rate?, (place, sensor.model.kind))))
 }

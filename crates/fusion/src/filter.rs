@@ -7,7 +7,7 @@ use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, CovarianceSettings, Kinematics, Pose2};
 
 use crate::belief::{Belief, OWN, SLIP_TIME_S};
-use crate::epoch::{Epoch, Flaw, Inertia, Knowledge, Lag, Lean, Unshown, rates};
+use crate::epoch::{Epoch, Fading, Flaw, Inertia, Knowledge, Lag, Lean, Mounted, Unshown, rates};
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::{Standing, Verdict};
 
@@ -99,20 +99,19 @@ pub struct Estimate {
 #[derive(Clone, Debug)]
 pub struct Filter {
     settings: FilterSettings,
-    sensors: Vec<Sensor>,
+    sensors: Vec<Mounted>,
     initial: Knowledge,
-    /// The place of each among those that tell speeds.
-    rates: [usize; MAX_SENSORS],
+    fading: Fading,
     epochs: Box<[Epoch]>,
-    /// What was known after each epoch.
+    /// What was known after each epoch, as it is told until it was computed again.
     known_after: Box<[Knowledge]>,
     /// Number of the open epoch.
     open: u64,
     /// The first epoch since the beginning.
     first: u64,
-    /// What is told, and the last epoch in it.
-    told: (Knowledge, u64),
-    /// The last epoch that was computed again; what is known after it stands with the others.
+    /// The last epoch in what is told.
+    told: u64,
+    /// The last epoch that was computed again, before that.
     again: Option<u64>,
     /// The first epoch into which something came late.
     late_from: Option<u64>,
@@ -128,14 +127,10 @@ pub struct Filter {
 impl Filter {
     /// A filter that begins at the origin of map; sensors beyond [`MAX_SENSORS`] are left out.
     pub fn new(settings: FilterSettings, sensors: &[Sensor]) -> Filter {
-        let sensors = sensors[..sensors.len().min(MAX_SENSORS)].to_vec();
-        let mut places = [usize::MAX; MAX_SENSORS];
-        for (rate, (sensor, _)) in rates(&sensors) {
-            places[sensor] = rate;
-        }
-        let mut belief = Belief::new(Pose2::default(), &settings.geometry);
+        let sensors = Mounted::all(&sensors[..sensors.len().min(MAX_SENSORS)]);
+        let mut belief = Belief::new(Pose2::default(), &settings.geometry, rates(&sensors).count());
         for (rate, (sensor, kind)) in rates(&sensors) {
-            let Sensor { bias_sigma, scale_sigma, direction_sigma_rad, .. } = sensors[sensor];
+            let Sensor { bias_sigma, scale_sigma, direction_sigma_rad, .. } = sensors[sensor].model;
             let own = match kind {
                 SensorKind::Turn | SensorKind::Inertial => [bias_sigma, scale_sigma],
                 _ => [scale_sigma, direction_sigma_rad],
@@ -146,7 +141,7 @@ impl Filter {
         }
         let (position_m2, heading_rad2) = (settings.wheels.initial_m2, settings.wheels.initial_rad2);
         belief.place(Pose2::default(), [position_m2, 0.0, 0.0, position_m2, 0.0, heading_rad2]);
-        let has_poses = sensors.iter().any(|sensor| sensor.kind == SensorKind::Pose);
+        let has_poses = sensors.iter().any(Mounted::is_pose);
         let known = Knowledge {
             belief,
             standings: [Standing::default(); MAX_SENSORS],
@@ -159,7 +154,7 @@ impl Filter {
             change: [0.0; 3],
             driven: [0.0; 2],
             inertia: [Inertia::default(); MAX_RATES],
-            flaws: std::array::from_fn(Flaw::new),
+            flaws: Flaw::all(&sensors),
             unshown: Unshown::default(),
             lags: [Lag::default(); MAX_RATES],
             leans: [Lean::default(); MAX_SENSORS],
@@ -169,12 +164,12 @@ impl Filter {
             settings,
             sensors,
             initial: known,
-            rates: places,
+            fading: Fading::default(),
             epochs: vec![Epoch::default(); KEPT as usize].into(),
             known_after: vec![known; KEPT as usize].into(),
             open: 0,
             first: 0,
-            told: (known, 0),
+            told: 0,
             again: None,
             late_from: None,
             now_ns: 0,
@@ -188,14 +183,14 @@ impl Filter {
     /// pose that is heard is.
     pub fn place(&mut self, map_from_body: Pose2, covariance: [f64; 6], is_placed: bool) {
         // What isn't finite any more was no knowledge.
-        let mut known = if self.told.0.belief.is_finite() { self.told.0 } else { self.initial };
+        let mut known = if self.known().belief.is_finite() { *self.known() } else { self.initial };
         known.belief.place(map_from_body, covariance);
         (known.is_placed, known.doubt, known.unshown) = (is_placed, [0.0; 2], Unshown::default());
         for standing in &mut known.standings {
             *standing = Standing::default();
         }
         // What came before it says nothing of what comes after.
-        self.told.0 = known;
+        self.known_after[(self.told % KEPT) as usize] = known;
         self.begun = false;
     }
 
@@ -240,7 +235,7 @@ impl Filter {
 
     /// Takes in a reading of a sensor at its own instant; `false` where it says nothing, or comes too late.
     pub fn hear(&mut self, sensor: usize, instant_ns: u64, reading: &Reading) -> bool {
-        let is_sound = self.sensors.get(sensor).is_some_and(|known| reading.is_of(known.kind));
+        let is_sound = self.sensors.get(sensor).is_some_and(|known| reading.is_of(known.model.kind));
         // What is measured a little after the wheels are read belongs to the epoch that is open.
         let number = self.number(instant_ns).min(self.open);
         let is_kept = self.begun && number >= self.first && number + REACH > self.open;
@@ -249,12 +244,12 @@ impl Filter {
             return false;
         }
         self.last_heard_ns[sensor] = self.now_ns;
-        let rate = self.rates[sensor];
+        let rate = self.sensors[sensor].rate;
         if !self.at_mut(number).hear(sensor, rate, instant_ns, reading) {
             self.left_out += 1;
             return false;
         }
-        let passed = self.again.unwrap_or(self.told.1);
+        let passed = self.again.unwrap_or(self.told);
         if number <= passed {
             self.late_from = Some(self.late_from.map_or(number, |from| from.min(number)));
         }
@@ -263,10 +258,10 @@ impl Filter {
 
     /// What is known now: the belief, carried on through what it hasn't passed yet.
     pub fn estimate(&self) -> Estimate {
-        let (known, passed) = &self.told;
+        let known = self.known();
         let belief = &known.belief;
         let (mut ahead, mut told, mut time_s) = (Pose2::default(), Pose2::default(), 0.0);
-        for number in *passed + 1..=self.open {
+        for number in self.told + 1..=self.open {
             let epoch = &self.epochs[(number % KEPT) as usize];
             if epoch.time_s > 0.0 {
                 ahead = ahead.moved_by(belief.corrected(epoch.step(), epoch.time_s));
@@ -289,23 +284,24 @@ impl Filter {
 
     /// What a step as the wheels tell it truly is, as far as is known now.
     pub fn corrected(&self, step: BodyStep, time_s: f64) -> BodyStep {
-        self.told.0.belief.corrected(step, time_s)
+        self.known().belief.corrected(step, time_s)
     }
 
     /// What is thought of a sensor now, and chi² of its last reading over its degrees of freedom.
     pub fn verdict(&self, sensor: usize) -> (Verdict, f64) {
-        let (Some(known), Some(standing)) = (self.sensors.get(sensor), self.told.0.standings.get(sensor))
+        let (Some(known), Some(standing)) = (self.sensors.get(sensor), self.known().standings.get(sensor))
         else {
             return (Verdict::Awaited, 0.0);
         };
-        let silent = self.now_ns.saturating_sub(self.last_heard_ns[sensor]) > known.silent_ns;
+        let silent = self.now_ns.saturating_sub(self.last_heard_ns[sensor]) > known.model.silent_ns;
         (if silent { Verdict::Silent } else { standing.verdict }, standing.nis)
     }
 
     /// How much too early the instants of a sensor that tells speeds seem to be, and the standard deviation of that, s: as far as
     /// the motion of the last second shows it.
     pub fn clock_s(&self, sensor: usize) -> Option<[f64; 2]> {
-        self.rates.get(sensor).and_then(|rate| self.told.0.clock_s(*rate))
+        let mounted = self.sensors.get(sensor).filter(|mounted| mounted.rate.is_some());
+        mounted.map(|mounted| self.known().clock_s(mounted))
     }
 
     /// Readings that were older than all that is kept, or more in an epoch than it holds.
@@ -315,12 +311,12 @@ impl Filter {
 
     /// Whether everything that was heard is in what is told.
     pub fn is_settled(&self) -> bool {
-        self.again.is_none() && self.late_from.is_none() && self.told.1 + 1 >= self.open
+        self.again.is_none() && self.late_from.is_none() && self.told + 1 >= self.open
     }
 
     /// The belief that is told, and the instant to which it belongs, ns.
     pub fn belief(&self) -> (&Belief, u64) {
-        (&self.told.0.belief, self.epochs[(self.told.1 % KEPT) as usize].end_ns)
+        (&self.known().belief, self.epochs[(self.told % KEPT) as usize].end_ns)
     }
 
     /// The epoch of an instant; never the first of all, so that there is one before it.
@@ -331,8 +327,9 @@ impl Filter {
     fn begin(&mut self, number: u64) {
         self.epochs.fill(Epoch::default());
         (self.open, self.first) = (number, number);
-        self.told.1 = number - 1;
-        self.known_after[(self.told.1 % KEPT) as usize] = self.told.0;
+        let known = *self.known();
+        self.told = number - 1;
+        self.known_after[(self.told % KEPT) as usize] = known;
         (self.again, self.late_from) = (None, None);
         self.begun = true;
     }
@@ -341,16 +338,16 @@ impl Filter {
         &mut self.epochs[(number % KEPT) as usize]
     }
 
+    fn known(&self) -> &Knowledge {
+        &self.known_after[(self.told % KEPT) as usize]
+    }
+
     /// A share of what there is to compute.
     fn work(&mut self) {
         // The new one first: what is told keeps up.
-        if self.told.1 + 1 < self.open {
-            self.told.1 += 1;
-            let at = (self.told.1 % KEPT) as usize;
-            self.epochs[at].pass(&self.settings, &self.sensors, &mut self.told.0);
-            if self.again.is_none() {
-                self.known_after[at] = self.told.0;
-            }
+        if self.told + 1 < self.open {
+            self.told += 1;
+            self.pass(self.told);
         }
         for _ in 0..PASSED_PER_CYCLE {
             self.pass_again();
@@ -364,24 +361,21 @@ impl Filter {
             self.again = Some(from.max(self.first) - 1);
         }
         let Some(passed) = self.again else { return };
-        let number = passed + 1;
-        if number < self.open {
-            // In place: what is known is large.
-            let at = (number % KEPT) as usize;
-            self.known_after[at] = self.known_after[(passed % KEPT) as usize];
-            self.epochs[at].pass(&self.settings, &self.sensors, &mut self.known_after[at]);
-            self.again = Some(number);
-        }
-        if number + 1 >= self.open {
-            let last = number.min(self.open - 1);
-            self.told = (self.known_after[(last % KEPT) as usize], last);
-            self.again = None;
-        }
+        self.pass(passed + 1);
+        self.again = Some(passed + 1).filter(|passed| *passed < self.told);
+    }
+
+    /// From what was known after the epoch before.
+    fn pass(&mut self, number: u64) {
+        let [before, at] = [number - 1, number].map(|number| (number % KEPT) as usize);
+        let Ok([before, known]) = self.known_after.get_disjoint_mut([before, at]) else { return };
+        let epoch = &self.epochs[at];
+        epoch.pass((&self.settings, &self.sensors), &self.fading.of(epoch.time_s), before, known);
     }
 
     /// All of it at once.
     fn catch_up(&mut self) {
-        while self.told.1 + 1 < self.open || self.again.is_some() || self.late_from.is_some() {
+        while self.told + 1 < self.open || self.again.is_some() || self.late_from.is_some() {
             self.work();
         }
     }

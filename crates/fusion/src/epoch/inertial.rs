@@ -8,8 +8,7 @@
 
 use omnibase_platform::BodyStep;
 
-use super::{Epoch, Knowledge, Sum, rates};
-use crate::belief::SLIP;
+use super::{Epoch, Knowledge, Mounted, Sum, rates};
 use crate::sensor::{Sensor, SensorKind};
 
 /// Less than this is never slip, m/s²: what elastic wheels, jerk and a rough floor make of an acceleration.
@@ -80,9 +79,16 @@ impl Inertia {
 }
 
 impl Epoch {
-    /// What accelerations tell of slip, before the step is taken. `gain`: by how much the twist grows in a second, as
-    /// wheels tell.
-    pub(super) fn feel(&self, sensors: &[Sensor], step: BodyStep, gain: [f64; 3], known: &mut Knowledge) {
+    /// What accelerations tell of slip, before the step is taken: its least variances. `gain`: by how much the twist grows in a second,
+    /// as wheels tell.
+    pub(super) fn feel(
+        &self,
+        sensors: &[Mounted],
+        step: BodyStep,
+        gain: [f64; 3],
+        known: &mut Knowledge,
+    ) -> [f64; 3] {
+        let mut least = [0.0_f64; 3];
         for (rate, (sensor, kind)) in rates(sensors) {
             if kind != SensorKind::Inertial {
                 continue;
@@ -93,7 +99,7 @@ impl Epoch {
                 known.inertia[rate].before = None;
                 continue;
             }
-            let grown = self.slip(&sensors[sensor], sum, step, gain, &mut known.inertia[rate]);
+            let grown = self.slip(&sensors[sensor].model, sum, step, gain, &mut known.inertia[rate]);
             let mut own = known.inertia[rate];
             let was_m_s = own.slip_m_s;
             for (axis, grown_m_s) in grown.unwrap_or_default().into_iter().enumerate() {
@@ -102,11 +108,12 @@ impl Epoch {
                 if was_m_s[axis] * own.slip_m_s[axis] < 0.0 {
                     own.slip_m_s[axis] = 0.0;
                 }
-                known.belief.widen_to(SLIP + axis, own.slip_m_s[axis].powi(2));
+                least[axis] = least[axis].max(own.slip_m_s[axis].powi(2));
             }
             own.settle(self.time_s, grown);
             known.inertia[rate] = own;
         }
+        least
     }
 
     /// By how much wheels slip more than before, m/s; `None` where they grip.

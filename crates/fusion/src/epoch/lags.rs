@@ -6,13 +6,13 @@
 //! that would see the slip sees none, a clock is named.
 
 use super::rates::Rates;
-use super::{Knowledge, rates};
+use super::{Fading, Knowledge, rates};
 use crate::belief::SLIP;
-use crate::sensor::{MAX_RATES, Sensor, SensorKind};
+use crate::sensor::{Sensor, SensorKind};
 use crate::standing::Verdict;
 
 /// The regression remembers so long, s.
-const MEMORY_S: f64 = 0.2;
+pub(super) const MEMORY_S: f64 = 0.2;
 /// It tells nothing before so much was heard, s.
 const LEAST_S: f64 = 0.1;
 /// Clocks that are off by less are never named, s.
@@ -44,11 +44,10 @@ struct Off {
 }
 
 impl Lag {
-    fn take(&mut self, time_s: f64, change: [f64; 2], off: [f64; 2]) {
-        let keep = (-time_s / MEMORY_S).exp();
+    fn take(&mut self, fading: &Fading, change: [f64; 2], off: [f64; 2]) {
         for (sums, (x, y)) in self.sums.iter_mut().zip(change.into_iter().zip(off)) {
             for (sum, one) in sums.iter_mut().zip([1.0, x, y, x * x, x * y, y * y]) {
-                *sum = *sum * keep + one * time_s;
+                *sum = *sum * fading.lags + one * fading.time_s;
             }
         }
     }
@@ -88,31 +87,32 @@ impl Rates<'_> {
     /// Takes in by how much a sensor's mean is off in its own axes, before it is taken in itself.
     pub(super) fn watch_lag(&self, rate: usize, place: usize, off: [f64; 3], known: &mut Knowledge) {
         let sensor = &self.sensors[place];
+        let is_gyro = sensor.model.kind.is_gyro();
         // Against what the wheels say: what was taken for slip may be this very fault.
-        let slip = self.by_twist(sensor, [0, 1, 2].map(|axis| known.belief.error(SLIP + axis)));
+        let slip = sensor.tells([0, 1, 2].map(|axis| known.belief.error(SLIP + axis)));
         // Of a gyro the accelerations behind its turn are no part of it.
-        let second = if sensor.kind.is_gyro() { 0.0 } else { off[1] - slip[1] };
-        let change = self.by_twist(sensor, self.gain);
-        known.lags[rate].take(self.epoch.time_s, [change[0], change[1]], [off[0] - slip[0], second]);
+        let second = if is_gyro { 0.0 } else { off[1] - slip[1] };
+        let change = sensor.tells(self.gain);
+        known.lags[rate].take(self.fading, [change[0], change[1]], [off[0] - slip[0], second]);
     }
 
     /// Names those whose clocks are off.
     pub(super) fn judge_lags(&self, known: &mut Knowledge) {
-        let mut found = [None; MAX_RATES];
-        for (rate, (place, _)) in rates(self.sensors) {
-            let sigma = self.sensors[place].sigma[0];
+        let found = |rate: usize, place: usize, known: &Knowledge| {
+            let sigma = self.sensors[place].model.sigma[0];
             let count = f64::from(self.epoch.rates[rate].count.max(1));
-            found[rate] = known.lags[rate].off(sigma * sigma / count, self.epoch.time_s);
-        }
+            known.lags[rate].off(sigma * sigma / count, self.epoch.time_s)
+        };
         for (rate, place, _) in self.heard() {
-            let Some(off) = found[rate].filter(|off| off.is_sure) else { continue };
-            let own = sees(&self.sensors[place]);
+            let Some(off) = found(rate, place, known).filter(|off| off.is_sure) else { continue };
+            let own = sees(&self.sensors[place].model);
             let is_refuted = rates(self.sensors).any(|(other, (other_place, _))| {
-                let seen = sees(&self.sensors[other_place]);
+                let seen = sees(&self.sensors[other_place].model);
                 other != rate
                     && known.standings[other_place].is_believed()
                     && (own[0] && seen[0] || !own[0] && seen[1])
-                    && found[other].is_some_and(|other| other.early_s.abs() < OTHERS * off.early_s.abs())
+                    && found(other, other_place, known)
+                        .is_some_and(|other| other.early_s.abs() < OTHERS * off.early_s.abs())
             });
             if is_refuted {
                 known.standings[place].name(self.epoch.end_ns, Verdict::Contradicts);

@@ -3,11 +3,10 @@
 use nalgebra::Matrix3;
 use omnibase_platform::{BodyStep, Pose2, wrap_angle_rad};
 
-use super::flaws::POSES;
 use super::lean::{OF_POSES_S, share_of};
-use super::{ARM_M, Epoch, FLAWS, GATES, Heard, Knowledge, REPEATS_SIGMAS, Unshown};
+use super::{ARM_M, Epoch, GATES, Heard, Knowledge, Mounted, REPEATS_SIGMAS, Unshown};
 use crate::belief::{Belief, OWN, Row, Rows, SLIP};
-use crate::sensor::{Sensor, SensorKind};
+use crate::sensor::Sensor;
 use crate::standing::Verdict;
 
 /// Wheels that slip leave a pose at most so fast, m/s and rad/s: a pose that is off by more jumped.
@@ -19,10 +18,9 @@ const CARRIED_NS: u64 = 1_000_000_000;
 
 impl Knowledge {
     /// Whether another sensor of poses agreed since one was heard that would see it: what that is off is no slip, nor was the platform carried.
-    fn is_refuted(&self, sensors: &[Sensor], one: usize, off: &[f64; 3]) -> bool {
+    fn is_refuted(&self, sensors: &[Mounted], one: usize, off: &[f64; 3]) -> bool {
         let poses = sensors.iter().zip(&self.standings).enumerate();
-        let mut others =
-            poses.filter(|(place, (sensor, _))| *place != one && sensor.kind == SensorKind::Pose);
+        let mut others = poses.filter(|(place, (sensor, _))| *place != one && sensor.is_pose());
         others.any(|(_, (_, other))| other.refutes(&self.standings[one], off))
     }
 }
@@ -31,12 +29,13 @@ impl Epoch {
     /// A pose at its own instant.
     pub(super) fn take_pose(
         &self,
-        sensors: &[Sensor],
+        sensors: &[Mounted],
         heard: &Heard,
         known: &mut Knowledge,
         truly: BodyStep,
     ) {
-        let sensor = &sensors[heard.sensor];
+        let mounted = &sensors[heard.sensor];
+        let sensor = &mounted.model;
         // From the epoch's end back to the instant, or on to it, along the arc.
         let late_s = (self.end_ns as f64 - heard.instant_ns as f64) * 1e-9;
         let share = late_s / self.time_s;
@@ -50,6 +49,7 @@ impl Epoch {
             return;
         }
         let expected = known.belief.map_from_body.then(back).then(sensor.body_from_sensor);
+        let changes = [(mounted.clock, speed_of(sensor, known))];
         let compare = |belief: &Belief| {
             let body = belief.map_from_body;
             let said = heard.map_from_sensor;
@@ -65,7 +65,7 @@ impl Epoch {
                 on([0.0, 0.0, 1.0]),
             ];
             let rows = Rows { rows, by_wheels: [0.0; 3], own: OWN };
-            (belief.innovation::<3>(difference, &rows, &noise), difference)
+            (belief.innovation::<3>(difference, &rows, &noise, &changes), difference)
         };
         let (innovation, off) = compare(&known.belief);
         let Some(mut innovation) = innovation else {
@@ -73,8 +73,6 @@ impl Epoch {
             known.standings[heard.sensor].judge(heard.instant_ns, 1.0, Verdict::Contradicts);
             return;
         };
-        let mut changes = [None; FLAWS];
-        changes[POSES + heard.sensor] = Some(speed_of(sensor, known));
         let driven_m = known.driven_m();
         let is_refuted = known.is_refuted(sensors, heard.sensor, &off);
         let standing = &mut known.standings[heard.sensor];
@@ -120,18 +118,18 @@ impl Epoch {
             let lean = &mut known.leans[heard.sensor];
             lean.take(
                 share_of(since_s, OF_POSES_S),
-                &innovation.off(),
+                &innovation.difference(),
                 &innovation.expected(),
-                &innovation.off(),
+                &innovation.difference(),
             );
             let leans = lean.by().map_or([0.0; 2], |[x, y, turn]| [x.hypot(y), turn.abs()]);
             known.standings[heard.sensor].doubted = leans;
             known.doubt = [0.0; 2];
             known.unshown = Unshown::default();
-            known.take_in(&innovation, changes, true);
+            known.take_in(&innovation, &changes, true);
             return;
         }
-        known.leave_out(&[POSES + heard.sensor], &innovation, changes);
+        known.leave_out(&[mounted.clock], &innovation);
         if !agrees {
             known.standings[heard.sensor].off = Some(off);
             let size = [off[0].hypot(off[1]), off[2].abs()];

@@ -1,13 +1,12 @@
 //! Speeds of an epoch: the mean of what each sensor told, against what the wheels make of it.
 
 use nalgebra::SMatrix;
-use omnibase_platform::{BodyStep, Twist2};
+use omnibase_platform::BodyStep;
 
-use super::flaws::{Changes, FLAWS, SHARES, WHEELS};
 use super::lags::sees;
 use super::lean::{OF_SPEEDS_S, share_of};
-use super::{Epoch, GATES, Knowledge, REPEATS_SIGMAS, SHARED_S, Sum, rates};
-use crate::belief::{Belief, Innovation, OWN, Row, Rows, SLIP};
+use super::{Epoch, Fading, GATES, Knowledge, Mounted, REPEATS_SIGMAS, SHARED_S, Sum, rates};
+use crate::belief::{Belief, Change, Innovation, OWN, Row, Rows, SLIP, WHEELS, chi2};
 use crate::sensor::{MAX_RATES, Sensor, SensorKind};
 use crate::standing::Verdict;
 
@@ -22,7 +21,8 @@ const BIAS_SIGMAS: f64 = 8.0;
 #[derive(Clone, Copy)]
 pub(super) struct Rates<'a> {
     pub(super) epoch: &'a Epoch,
-    pub(super) sensors: &'a [Sensor],
+    pub(super) sensors: &'a [Mounted],
+    pub(super) fading: &'a Fading,
     /// As the wheels tell.
     pub(super) step: BodyStep,
     /// By how much the body's twist grows in a second, as the wheels tell.
@@ -40,7 +40,7 @@ impl Rates<'_> {
     /// slip.
     pub(super) fn take(&self, known: &mut Knowledge) {
         for one in self.heard() {
-            if self.sensors[one.1].kind.is_gyro() {
+            if self.sensors[one.1].model.kind.is_gyro() {
                 self.begin_bias(one, known);
             }
         }
@@ -50,13 +50,12 @@ impl Rates<'_> {
         let mut is_widened = false;
         for (rate, sensor, sum) in self.heard() {
             // A mouse that tells no motion at all is lifted off, or everything stands.
-            let is_still = self.sensors[sensor].kind == SensorKind::Flow && sum.values == [0.0; 3];
+            let is_still = self.sensors[sensor].model.kind == SensorKind::Flow && sum.values == [0.0; 3];
             if known.standings[sensor].is_believed() && !is_still {
-                let (nis, own) = self.chi2((rate, sensor, sum), &known.belief);
-                let by = in_body(&self.sensors[sensor], own);
+                let (contradicts, own) = self.contradicts((rate, sensor, sum), &known.belief);
                 self.watch_lag(rate, sensor, own, known);
-                off[rate] = (nis > gate(self.sensors[sensor].kind)).then_some(by);
-                numbers += numbers_of(self.sensors[sensor].kind);
+                off[rate] = contradicts.then(|| in_body(&self.sensors[sensor].model, own));
+                numbers += numbers_of(self.sensors[sensor].model.kind);
             }
         }
         let contradicting = off.iter().flatten().count();
@@ -64,7 +63,7 @@ impl Rates<'_> {
         // has to agree with it in this epoch, or not to agree with the wheels where that wasn't heard in it.
         let is_gyro_alone = contradicting == 1
             && self.heard().any(|(rate, sensor, _)| {
-                let is_off = self.sensors[sensor].kind.is_gyro() && off[rate].is_some();
+                let is_off = self.sensors[sensor].model.kind.is_gyro() && off[rate].is_some();
                 is_off && (known.shared_s > 0.0 || !self.is_turn_seen(known))
             });
         let may_slip = contradicting >= 2 && numbers > 3 || is_gyro_alone && known.strained_s > 0.0;
@@ -82,7 +81,7 @@ impl Rates<'_> {
             }
         }
         for one in self.heard() {
-            match self.sensors[one.1].kind {
+            match self.sensors[one.1].model.kind {
                 SensorKind::Turn | SensorKind::Inertial => self.take_one::<1>(one, is_widened, known),
                 SensorKind::Flow => self.take_one::<2>(one, is_widened, known),
                 _ => self.take_one::<3>(one, is_widened, known),
@@ -95,14 +94,14 @@ impl Rates<'_> {
     /// learnt of it yet, and a second reading is off likewise, it is as uncertain as that.
     fn begin_bias(&self, one: (usize, usize, &Sum), known: &mut Knowledge) {
         let (rate, place, sum) = one;
-        let sensor = &self.sensors[place];
+        let sensor = &self.sensors[place].model;
         let learnt = LEARNT * LEARNT * sensor.bias_sigma * sensor.bias_sigma;
         if known.belief.variance(OWN + 2 * rate) < learnt {
             return;
         }
-        let (nis, [off, ..]) = self.chi2(one, &known.belief);
+        let (contradicts, [off, ..]) = self.contradicts(one, &known.belief);
         let before = known.standings[place].off.take();
-        if nis <= gate(sensor.kind) || off.abs() > BIAS_SIGMAS * sensor.bias_sigma {
+        if !contradicts || off.abs() > BIAS_SIGMAS * sensor.bias_sigma {
             return;
         }
         let noise = sensor.sigma[0] / f64::from(sum.count).sqrt();
@@ -118,7 +117,7 @@ impl Rates<'_> {
         let all = self.sensors.iter().zip(&known.standings).enumerate();
         all.filter(|(place, _)| self.heard().all(|(_, heard, _)| heard != *place)).any(
             |(_, (sensor, standing))| {
-                (sensor.kind == SensorKind::Pose || sees(sensor)[1]) && standing.agrees_now(self.epoch.end_ns)
+                (sensor.is_pose() || sees(&sensor.model)[1]) && standing.agrees_now(self.epoch.end_ns)
             },
         )
     }
@@ -133,43 +132,54 @@ impl Rates<'_> {
     fn all_agree(&self, known: &Knowledge) -> bool {
         let mut known = *known;
         let believed = known.standings.map(|standing| standing.is_believed());
-        self.heard().filter(|(_, sensor, _)| believed[*sensor]).all(|one| match self.sensors[one.1].kind {
-            SensorKind::Turn | SensorKind::Inertial => self.agrees::<1>(one, &mut known),
-            SensorKind::Flow => self.agrees::<2>(one, &mut known),
-            _ => self.agrees::<3>(one, &mut known),
+        self.heard().filter(|(_, sensor, _)| believed[*sensor]).all(|one| {
+            match self.sensors[one.1].model.kind {
+                SensorKind::Turn | SensorKind::Inertial => self.agrees::<1>(one, &mut known),
+                SensorKind::Flow => self.agrees::<2>(one, &mut known),
+                _ => self.agrees::<3>(one, &mut known),
+            }
         })
     }
 
     /// Takes a reading in where it agrees; whether it does.
     fn agrees<const M: usize>(&self, one: (usize, usize, &Sum), known: &mut Knowledge) -> bool {
-        let agreeing =
-            self.compare::<M>(one, &known.belief).0.filter(|innovation| innovation.nis <= GATES[M - 1]);
-        agreeing.map(|innovation| known.belief.correct(&innovation.whitened())).is_some()
+        let agreeing = self
+            .compare::<M>(one, &known.belief)
+            .innovation(&known.belief, &[])
+            .filter(|innovation| innovation.nis <= GATES[M - 1]);
+        agreeing.map(|innovation| known.belief.correct(&innovation)).is_some()
     }
 
-    /// chi² of a mean of readings, and by how much it is off in the sensor's own axes.
-    fn chi2(&self, one: (usize, usize, &Sum), belief: &Belief) -> (f64, [f64; 3]) {
-        let (nis, expected) = match self.sensors[one.1].kind {
-            SensorKind::Turn | SensorKind::Inertial => nis(self.compare::<1>(one, belief)),
-            SensorKind::Flow => nis(self.compare::<2>(one, belief)),
-            _ => nis(self.compare::<3>(one, belief)),
-        };
-        let said = mean(one.2);
-        (nis, std::array::from_fn(|n| said[n] - expected[n]))
+    /// Whether a mean of readings is beyond its gate, and by how much it is off in the sensor's own axes.
+    fn contradicts(&self, one: (usize, usize, &Sum), belief: &Belief) -> (bool, [f64; 3]) {
+        match self.sensors[one.1].model.kind {
+            SensorKind::Turn | SensorKind::Inertial => self.is_beyond::<1>(one, belief),
+            SensorKind::Flow => self.is_beyond::<2>(one, belief),
+            _ => self.is_beyond::<3>(one, belief),
+        }
+    }
+
+    fn is_beyond<const M: usize>(&self, one: (usize, usize, &Sum), belief: &Belief) -> (bool, [f64; 3]) {
+        let compared = self.compare::<M>(one, belief);
+        // What is within its gate by its noise alone is all the more with what isn't known beside.
+        let is_beyond = || compared.innovation(belief, &[]).is_some_and(|one| one.nis > GATES[M - 1]);
+        (chi2(&compared.difference, &compared.noise) > GATES[M - 1] && is_beyond(), compared.off(one.2))
     }
 
     fn take_one<const M: usize>(&self, one: (usize, usize, &Sum), is_widened: bool, known: &mut Knowledge) {
-        let (rate, place, sum) = one;
-        let sensor = &self.sensors[place];
-        let (innovation, expected) = self.compare::<M>(one, &known.belief);
-        let Some(innovation) = innovation else {
+        let (_, place, sum) = one;
+        let mounted = &self.sensors[place];
+        let sensor = &mounted.model;
+        let changes = self.changes(mounted);
+        let compared = self.compare::<M>(one, &known.belief);
+        let Some(innovation) = compared.innovation(&known.belief, &changes) else {
             known.standings[place].judge(self.epoch.end_ns, 1.0, Verdict::Contradicts);
             return;
         };
         let driven_m = known.driven_m();
         let standing = &mut known.standings[place];
         let bound = sensor.sigma.map(|sigma| REPEATS_SIGMAS * sigma);
-        let repeats = standing.repeats(mean(sum), self.by_wheels(sensor), bound, driven_m);
+        let repeats = standing.repeats(mean(sum), self.by_wheels(mounted), bound, driven_m);
         standing.nis = innovation.nis / M as f64;
         let since_s = standing.since_s(self.epoch.end_ns);
         let agrees = innovation.nis <= GATES[M - 1] && !repeats;
@@ -183,34 +193,33 @@ impl Rates<'_> {
         };
         let fault = if repeats { Verdict::Frozen } else { Verdict::Contradicts };
         let is_taken = standing.judge(self.epoch.end_ns, contradicts, fault);
-        let changes = self.changes(rate, sensor);
         if is_taken {
             self.lean(place, since_s, &innovation, known);
-            known.take_in(&innovation, changes, !is_widened);
+            known.take_in(&innovation, &changes, !is_widened);
         } else {
-            known.leave_out(&[rate, SHARES + rate], &innovation, changes);
+            known.leave_out(&[mounted.clock, mounted.share], &innovation);
         }
         if !is_taken && !agrees && known.standings[place].is_doubtful() {
             // Until others tell, it may be the wheels that are wrong.
-            let off = size(&mean(sum), &expected, sensor.kind);
+            let off = size(&compared.off(sum), sensor.kind);
             known.doubt[0] += off[0] * self.epoch.time_s;
             known.doubt[1] += off[1] * self.epoch.time_s;
         }
     }
 
     /// By how much what a sensor tells changes with one of each flaw.
-    fn changes<const M: usize>(&self, rate: usize, sensor: &Sensor) -> Changes<M> {
+    fn changes<const M: usize>(&self, sensor: &Mounted) -> [Change<M>; 4] {
         let of = |twist| {
-            let change = self.by_twist(sensor, twist);
-            Some(std::array::from_fn(|m| change[m]))
+            let change = sensor.tells(twist);
+            std::array::from_fn(|m| change[m])
         };
         let [x, y, turn] = self.change;
-        let mut changes = [None; FLAWS];
-        changes[rate] = of(self.change);
-        changes[SHARES + rate] = of(self.slow.map(|speed| -speed));
-        changes[WHEELS[0]] = of([-x, -y, 0.0]);
-        changes[WHEELS[1]] = of([0.0, 0.0, -turn]);
-        changes
+        [
+            (WHEELS[0], of([-x, -y, 0.0])),
+            (WHEELS[1], of([0.0, 0.0, -turn])),
+            (sensor.clock, of(self.change)),
+            (sensor.share, of(self.slow.map(|speed| -speed))),
+        ]
     }
 
     /// Takes in what a sensor is off that is believed: where it leans, it may be the wheels that are wrong, or what it says.
@@ -222,44 +231,33 @@ impl Rates<'_> {
         known: &mut Knowledge,
     ) {
         let sensor = &self.sensors[place];
-        let slip = self.by_twist(sensor, [0, 1, 2].map(|axis| known.belief.error(SLIP + axis)));
-        let off: [f64; M] = innovation.off();
+        let slip = sensor.tells([0, 1, 2].map(|axis| known.belief.error(SLIP + axis)));
+        let off: [f64; M] = innovation.difference();
         let off_wheels: [f64; M] = std::array::from_fn(|n| off[n] - slip[n]);
         let lean = &mut known.leans[place];
         lean.take(share_of(since_s, OF_SPEEDS_S), &off, &innovation.expected(), &off_wheels);
         if let Some(by) = lean.by() {
-            let [way, turn] = size(&by, &[0.0; 3], sensor.kind);
+            let [way, turn] = size(&by, sensor.model.kind);
             known.doubt[0] += way * self.epoch.time_s;
             known.doubt[1] += turn * self.epoch.time_s;
         }
     }
 
     /// What a sensor would tell if wheels were as they are said to be.
-    fn by_wheels(&self, sensor: &Sensor) -> [f64; 3] {
+    fn by_wheels(&self, sensor: &Mounted) -> [f64; 3] {
         let per_s = 1.0 / self.epoch.time_s;
         let BodyStep { x_m, y_m, angle_rad } = self.step;
-        self.by_twist(sensor, [x_m * per_s, y_m * per_s, angle_rad * per_s])
+        sensor.tells([x_m * per_s, y_m * per_s, angle_rad * per_s])
     }
 
-    /// What it tells of a twist of the body, or of what a twist changes by.
-    pub(super) fn by_twist(&self, sensor: &Sensor, [x, y, turn]: [f64; 3]) -> [f64; 3] {
-        let twist = Twist2::new(x, y, turn);
-        match sensor.kind {
-            SensorKind::Turn | SensorKind::Inertial => [twist.w_rad_s, 0.0, 0.0],
-            _ => {
-                let Twist2 { vx_m_s, vy_m_s, w_rad_s } = twist.at(sensor.body_from_sensor);
-                [vx_m_s, vy_m_s, w_rad_s]
-            }
-        }
-    }
-
-    /// A mean of readings against what is believed, and what was expected.
+    /// A mean of readings, and what is expected of it.
     fn compare<const M: usize>(
         &self,
         (rate, place, sum): (usize, usize, &Sum),
         belief: &Belief,
-    ) -> (Option<Innovation<M>>, [f64; 3]) {
-        let sensor = &self.sensors[place];
+    ) -> Compared<M> {
+        let mounted = &self.sensors[place];
+        let sensor = &mounted.model;
         let truly = belief.corrected(self.step, self.epoch.time_s);
         let per_s = 1.0 / self.epoch.time_s;
         let count = f64::from(sum.count);
@@ -286,8 +284,8 @@ impl Rates<'_> {
                 let at = [body[0] - body[2] * mount.y_m, body[1] + body[2] * mount.x_m];
                 let x = cos * at[0] + sin * at[1];
                 let y = -sin * at[0] + cos * at[1];
-                let Twist2 { vx_m_s, vy_m_s, .. } = Twist2::new(u[0], u[1], u[2]).at(mount);
-                let (sin, cos) = mount.heading_rad.sin_cos();
+                let [sin, cos] = mounted.turned;
+                let [vx_m_s, vy_m_s, _] = mounted.sees(u);
                 let row = |twist, own| Row { twist, own, ..Row::default() };
                 let rows = [
                     row([cos, sin, -cos * mount.y_m + sin * mount.x_m], [vx_m_s, vy_m_s]),
@@ -298,13 +296,34 @@ impl Rates<'_> {
             }
         };
         let rows = Rows { rows: std::array::from_fn::<_, M, _>(|m| rows[m]), by_wheels: u, own };
-        let said = mean(sum);
         let own = SMatrix::<f64, M, M>::from_fn(|r, c| {
             if r == c { sensor.sigma[r] * sensor.sigma[r] / count } else { 0.0 }
         });
         let noise = own + self.of_means(&rows.rows, later_s, &own);
+        let said = mean(sum);
         let difference = std::array::from_fn(|n| said[n] - expected[n]);
-        (belief.innovation::<M>(difference, &rows, &noise), expected)
+        Compared { difference, rows, noise, expected }
+    }
+}
+
+/// A mean of readings beside what is expected of it.
+struct Compared<const M: usize> {
+    difference: [f64; M],
+    rows: Rows<M>,
+    noise: SMatrix<f64, M, M>,
+    expected: [f64; 3],
+}
+
+impl<const M: usize> Compared<M> {
+    /// Against a belief.
+    fn innovation(&self, belief: &Belief, changes: &[Change<M>]) -> Option<Innovation<M>> {
+        belief.innovation::<M>(self.difference, &self.rows, &self.noise, changes)
+    }
+
+    /// By how much all that a sensor says is off, in its own axes.
+    fn off(&self, sum: &Sum) -> [f64; 3] {
+        let said = mean(sum);
+        std::array::from_fn(|n| said[n] - self.expected[n])
     }
 }
 
@@ -355,22 +374,13 @@ pub(super) fn numbers_of(kind: SensorKind) -> usize {
     }
 }
 
-fn gate(kind: SensorKind) -> f64 {
-    GATES[numbers_of(kind) - 1]
-}
-
-fn nis<const M: usize>((innovation, expected): (Option<Innovation<M>>, [f64; 3])) -> (f64, [f64; 3]) {
-    (innovation.map_or(0.0, |innovation| innovation.nis), expected)
-}
-
 /// How far from the middle of the platform a sensor is, m; one in the middle sees no turn.
 fn arm_m(sensor: &Sensor) -> f64 {
     sensor.body_from_sensor.x_m.hypot(sensor.body_from_sensor.y_m).max(0.05)
 }
 
 /// By how much a reading is off, m/s and rad/s.
-fn size(said: &[f64; 3], expected: &[f64; 3], kind: SensorKind) -> [f64; 2] {
-    let off: [f64; 3] = std::array::from_fn(|n| said[n] - expected[n]);
+fn size(off: &[f64; 3], kind: SensorKind) -> [f64; 2] {
     match kind {
         SensorKind::Turn | SensorKind::Inertial => [0.0, off[0].abs()],
         _ => [off[0].hypot(off[1]), off[2].abs()],
@@ -387,8 +397,8 @@ mod tests {
     /// What a sensor is expected to say, and the standard deviation of each number, where one error alone is off and uncertain
     /// by so much, in a motion that goes each way at once.
     fn expected<const M: usize>(sensor: Sensor, place: usize, off: f64) -> [[f64; 2]; M] {
-        let sensors = [Sensor { sigma: [1e-9; 3], ..sensor }];
-        let mut belief = Belief::new(Pose2::default(), &SMatrix::zeros());
+        let sensors = Mounted::all(&[Sensor { sigma: [1e-9; 3], ..sensor }]);
+        let mut belief = Belief::new(Pose2::default(), &SMatrix::zeros(), 1);
         let mut change = [0.0; STATES];
         change[place] = off;
         belief.shift(&change);
@@ -398,15 +408,16 @@ mod tests {
         let rates = Rates {
             epoch: &epoch,
             sensors: &sensors,
+            fading: &Fading::default(),
             step,
             gain: [0.0; 3],
             change: [0.0; 3],
             slow: [0.0; 3],
             slip_drive: [0.0; 3],
         };
-        let (innovation, expected) = rates.compare::<M>((0, 0, &Sum { count: 1, ..Sum::default() }), &belief);
-        let variances = innovation.expect("a covariance").expected();
-        std::array::from_fn(|m| [expected[m], variances[m].sqrt()])
+        let compared = rates.compare::<M>((0, 0, &Sum { count: 1, ..Sum::default() }), &belief);
+        let variances = compared.innovation(&belief, &[]).expect("a covariance").expected();
+        std::array::from_fn(|m| [compared.expected[m], variances[m].sqrt()])
     }
 
     /// A mouse beside the middle sees each way, the turn, and nine errors of the wheels in them.

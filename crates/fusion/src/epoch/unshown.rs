@@ -7,10 +7,9 @@
 
 use omnibase_platform::{BodyStep, Pose2};
 
-use super::{Epoch, Knowledge, rates};
+use super::{Epoch, Knowledge, Mounted, rates};
 use crate::belief::SLIP_TIME_S;
 use crate::filter::FilterSettings;
-use crate::sensor::Sensor;
 
 /// What may be wrong with a pose, x, y and heading in map, because wheels turned as they said.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -69,17 +68,16 @@ impl Epoch {
     pub(super) fn count_unshown(
         &self,
         settings: &FilterSettings,
-        sensors: &[Sensor],
-        from: Pose2,
-        truly: BodyStep,
+        sensors: &[Mounted],
+        (from, truly): (Pose2, BodyStep),
         known: &mut Knowledge,
     ) {
         let (mut is_believed, mut is_shown) = (false, false);
-        for (rate, (place, _)) in rates(sensors).filter(|(_, (_, kind))| kind.is_gyro()) {
+        for (_, (place, _)) in rates(sensors).filter(|(_, (_, kind))| kind.is_gyro()) {
             let standing = &known.standings[place];
             let speaks = standing.is_believed() && standing.silent_s(self.end_ns).is_finite();
             is_believed |= speaks;
-            is_shown |= speaks && known.is_shown(rate);
+            is_shown |= speaks && known.is_shown(&sensors[place]);
         }
         if is_believed && !is_shown {
             let step = self.step();
@@ -102,7 +100,7 @@ mod tests {
     use nalgebra::SMatrix;
 
     use super::*;
-    use crate::belief::Belief;
+    use crate::belief::{Belief, FLAWS, Meanwhile};
 
     /// What wheels make of the pose by their turn alone is what a belief counts with that knows of nothing else.
     #[test]
@@ -112,13 +110,21 @@ mod tests {
             _ => 0.0,
         });
         let settings = FilterSettings { wheels: Default::default(), geometry, period_ns: 1_000_000 };
-        let mut belief = Belief::new(Pose2::default(), &geometry);
+        let mut belief = Belief::new(Pose2::default(), &geometry, 0);
         let mut unshown = Unshown::default();
+        let meanwhile = Meanwhile {
+            time_s: 5e-3,
+            slip_kept: 0.97,
+            slip_sigma: [0.0; 3],
+            slip_least: [0.0; 3],
+            flaws_kept: [1.0; FLAWS],
+            longer: [[0.0; 3]; 2],
+        };
         for n in 0..2000 {
             let phase = 3e-3 * f64::from(n);
             let step = BodyStep::new(2e-3 * phase.cos(), 1e-3 * (2.0 * phase).sin(), 1e-3 * phase.sin());
             let from = belief.map_from_body;
-            belief.advance(step, 5e-3, [0.0; 3], std::iter::empty());
+            belief.advance(&belief.clone(), step, &meanwhile);
             unshown.goes_on(from, belief.map_from_body, step, 0.0, 0.0);
         }
         for (one, other) in unshown.covariance(&settings).iter().zip(belief.pose_covariance()) {

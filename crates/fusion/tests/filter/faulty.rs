@@ -1,8 +1,9 @@
 //! A sensor that fails in one of the ways of which there are six, in a company of others.
 
 use omnibase_fusion::{Filter, Reading, Sensor, SensorKind, Verdict};
-use omnibase_platform::Pose2;
+use omnibase_platform::{Pose2, Twist2};
 
+use crate::followed::{eight, is_lost, wheels};
 use crate::world::{World, error, gyro, mouse, nees, settings, tracker};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -77,6 +78,18 @@ pub struct Outcome {
     pub shown_s: Option<f64>,
     /// Another that was named while the first failed, or any before.
     pub other: Option<usize>,
+    /// How far the truth was from where it was to be at most, m; and that it stood because it didn't know where it is.
+    pub led_m: f64,
+    pub stood: bool,
+}
+
+/// Who says where the platform goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Way {
+    /// Nobody who knows of the filter.
+    Wanders,
+    /// A control law, by what is believed.
+    Followed,
 }
 
 /// chi² with three degrees of freedom that is exceeded as often as three standard deviations of one axis: by 0.27 %.
@@ -110,23 +123,41 @@ fn broken(fault: Fault, reading: Reading, said: Reading) -> Reading {
 
 /// A world of 8 s; the first sensor fails after 5 s, or none.
 pub fn drive(sensors: &[Sensor], fault: Option<Fault>, seed: u64) -> Outcome {
-    drive_for(8.0, sensors, fault, seed)
+    drive_for((8.0, Way::Wanders), sensors, fault, seed)
 }
 
-/// The same in a world of so many seconds.
-pub fn drive_for(time_s: f64, sensors: &[Sensor], fault: Option<Fault>, seed: u64) -> Outcome {
+/// The same in a world of so many seconds, on such a way.
+pub fn drive_for((time_s, way): (f64, Way), sensors: &[Sensor], fault: Option<Fault>, seed: u64) -> Outcome {
     let mut world = World::new(seed, sensors);
     let mut filter = Filter::new(settings(), sensors);
     let begin_ns = world.now_ns + 5_000_000_000;
     let mut said = [Reading::Turn(0.0); 8];
     let mut heard: Vec<std::collections::VecDeque<Reading>> = vec![Default::default(); sensors.len()];
-    let mut outcome =
-        Outcome { named: None, sigmas: 0.0, outside: 0.0, nees: 0.0, shown_s: None, other: None };
+    let mut outcome = Outcome {
+        named: None,
+        sigmas: 0.0,
+        outside: 0.0,
+        nees: 0.0,
+        shown_s: None,
+        other: None,
+        led_m: 0.0,
+        stood: false,
+    };
     let mut looks = 0.0;
     let weight = |filter: &Filter| filter.clock_s(0).map(|[_, sigma_s]| sigma_s.powi(-2));
     let mut weight_before = None;
     for cycle in 0..(1000.0 * time_s) as u64 {
-        let motion = world.step();
+        let motion = match way {
+            Way::Wanders => world.step(),
+            Way::Followed => {
+                let (to, speed) = eight(1e-3 * cycle as f64);
+                outcome.stood |= is_lost(&filter) && fault.is_some() && world.now_ns >= begin_ns;
+                if !outcome.stood {
+                    outcome.led_m = outcome.led_m.max(to.distance_m(world.truth));
+                }
+                world.drive(if outcome.stood { Twist2::default() } else { wheels(&filter, to, speed) })
+            }
+        };
         filter.advance(world.now_ns, &motion);
         let fails = fault.filter(|_| world.now_ns >= begin_ns);
         for (place, sensor) in sensors.iter().enumerate() {

@@ -4,6 +4,7 @@ use omnibase_fusion::{Filter, Reading, Sensor, Verdict};
 use omnibase_platform::{Pose2, Twist2};
 
 use crate::faulty::{THREE_SIGMA, every};
+use crate::followed::wheels;
 use crate::world::{World, error, gyro, mouse, nees, settings};
 
 /// What came of it.
@@ -48,13 +49,14 @@ fn hold(sensors: &[Sensor], share: f64, time_s: f64, seed: u64) -> Held {
     let cycles = (1000.0 * time_s) as u64;
     for cycle in 0..cycles {
         let now_s = 1e-3 * cycle as f64;
-        let believed = filter.estimate().map_from_body;
-        let (to, speed) = if now_s > REST_S { wanted(now_s) } else { (Pose2::default(), [0.0; 2]) };
-        let [x, y] = [speed[0] + 5.0 * (to.x_m - believed.x_m), speed[1] + 5.0 * (to.y_m - believed.y_m)];
-        let (sin, cos) = believed.heading_rad.sin_cos();
-        let wheels =
-            Twist2::new(cos * x + sin * y, cos * y - sin * x, 5.0 * (to.heading_rad - believed.heading_rad));
-        let motion = world.drive(if now_s > REST_S { wheels } else { Twist2::default() });
+        let twist = match now_s > REST_S {
+            true => {
+                let (to, [x, y]) = wanted(now_s);
+                wheels(&filter, to, [x, y, 0.0])
+            }
+            false => Twist2::default(),
+        };
+        let motion = world.drive(twist);
         filter.advance(world.now_ns, &motion);
         for (place, sensor) in sensors.iter().enumerate() {
             if !cycle.is_multiple_of(every(sensor)) {

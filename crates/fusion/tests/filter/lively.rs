@@ -98,7 +98,12 @@ impl Lively {
                 let [x, y] = [at.vx_m_s, at.vy_m_s].map(|speed| 1.01 * speed);
                 Reading::Twist([x + noise[0], y + noise[1], at.w_rad_s + noise[2]])
             }
-            SensorKind::Pose => unreachable!("not of these worlds"),
+            SensorKind::Pose => {
+                assert_eq!(ago, 0, "of now");
+                let Pose2 { x_m, y_m, heading_rad } = self.truth.then(sensor.body_from_sensor);
+                let map_from_sensor = Pose2::new(x_m + noise[0], y_m + noise[1], heading_rad + noise[2]);
+                Reading::Pose { map_from_sensor, covariance: [0.0; 6] }
+            }
         }
     }
 }

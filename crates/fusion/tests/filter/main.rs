@@ -2,8 +2,10 @@
 
 mod clocks;
 mod consistency;
+mod counts;
 mod faults;
 mod faulty;
+mod followed;
 mod held;
 mod inertial;
 mod lively;
