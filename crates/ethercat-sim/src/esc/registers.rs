@@ -59,12 +59,25 @@ const BLOCKS: [(usize, Block); 27] = [
     (0x09B0, Block::Plain),
 ];
 
+/// Which block each pair of registers belongs to.
+const NUMBERS: [u8; super::REGISTERS / 2] = {
+    let (mut numbers, mut at, mut number) = ([0; super::REGISTERS / 2], 0, 0);
+    while at < numbers.len() {
+        if number + 1 < BLOCKS.len() && BLOCKS[number + 1].0 <= 2 * at {
+            number += 1;
+        }
+        numbers[at] = number as u8;
+        at += 1;
+    }
+    numbers
+};
+
 impl Block {
     /// The block at `address`, and where it ends.
     fn at(address: usize) -> (Block, usize) {
-        let next = BLOCKS.partition_point(|(start, _)| *start <= address);
-        let end = BLOCKS.get(next).map_or(super::REGISTERS, |(start, _)| *start);
-        (BLOCKS[next - 1].1, end)
+        let number = usize::from(NUMBERS[address / 2]);
+        let end = BLOCKS.get(number + 1).map_or(super::REGISTERS, |(start, _)| *start);
+        (BLOCKS[number].1, end)
     }
 }
 
