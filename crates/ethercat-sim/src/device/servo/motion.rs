@@ -487,3 +487,19 @@ fn nearest(value: f64) -> i32 {
 fn towards(from: f64, to: f64, step: f64) -> f64 {
     from + (to - from).clamp(-step, step)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{nearest, whole};
+
+    #[test]
+    fn whole_numbers_are_those_of_floor_and_round() {
+        let near = [-2.5, -1.0, -0.5, -0.0, 0.0, 0.49999999999999994, 0.5, 1.5, 2147483646.5, 2147483647.5];
+        let far = [-1e10, 1e10, 9007199254740993.0, -1e19, 1e19, f64::NEG_INFINITY, f64::INFINITY, f64::NAN];
+        let beside = |value: f64| [value.next_down(), value, value.next_up(), -value];
+        for value in near.into_iter().chain(far).flat_map(beside) {
+            assert_eq!(whole(value), value.floor() as i64, "{value:?}");
+            assert_eq!(nearest(value), value.round() as i32, "{value:?}");
+        }
+    }
+}
