@@ -60,7 +60,8 @@ pub struct Esc {
     access: AccessMap,
     memory: Vec<u8>,
     sync_managers: Vec<SyncManager>,
-    fmmus: Vec<Option<Fmmu>>,
+    /// Those that are on, in the order of their registers.
+    fmmus: Vec<Fmmu>,
     /// The logical bytes between which any FMMU is active.
     logical: core::ops::Range<u64>,
     sii: SiiUnit,
@@ -98,7 +99,7 @@ impl Esc {
             access: AccessMap::new(&config),
             memory: vec![0; REGISTERS + usize::from(config.ram_kib) * 1024],
             sync_managers: Vec::new(),
-            fmmus: Vec::new(),
+            fmmus: Vec::with_capacity(usize::from(config.fmmu_count)),
             logical: 0..0,
             sii,
             watchdog: Watchdog::default(),
@@ -154,7 +155,6 @@ impl Esc {
         self.sync_managers.clear();
         self.sync_managers.resize(usize::from(config.sm_count), SyncManager::default());
         self.fmmus.clear();
-        self.fmmus.resize(usize::from(config.fmmu_count), None);
         self.logical = 0..0;
         self.watchdog = Watchdog::default();
         self.pdi_watchdog = Watchdog::default();
@@ -165,9 +165,6 @@ impl Esc {
         self.kept_closed = [false; 4];
         self.ports = [PortState::default(); 4];
         self.device_emulation = false;
-        for n in 0..self.sync_managers.len() {
-            self.show_sync_manager(n);
-        }
         if let Some(area) = self.sii.power_on() {
             put_u16(&mut self.memory, usize::from(reg::STATION_ALIAS), u16_at(&area, 8));
             self.take_configuration(&area);
@@ -192,7 +189,7 @@ impl Esc {
     }
 
     /// The bytes of registers and memory from `address` on as they lie in the chip, without any effect; values
-    /// that are computed when they are read (times, SII status) may be old.
+    /// that are computed when they are read (times, SII and SyncManager status) may be old.
     pub fn peek(&self, address: u16, length: usize) -> Option<&[u8]> {
         self.memory.get(usize::from(address)..usize::from(address) + length)
     }
@@ -226,11 +223,14 @@ impl Esc {
     }
 
     fn set_ecat_event(&mut self, event: u16, on: bool) {
-        if on {
-            self.ecat_event |= event;
-        } else {
-            self.ecat_event &= !event;
+        let events = if on { self.ecat_event | event } else { self.ecat_event & !event };
+        if events != self.ecat_event {
+            self.ecat_event = events;
+            self.mask_ecat_events();
         }
+    }
+
+    fn mask_ecat_events(&mut self) {
         self.irq = self.ecat_event & u16_at(&self.memory, usize::from(reg::ECAT_EVENT_MASK));
     }
 
@@ -304,10 +304,11 @@ impl Esc {
         self.watchdog.expiry()
     }
 
-    /// When something happens in the chip by itself next, host ns.
-    pub(crate) fn next_event(&self) -> Option<u64> {
-        let sync = self.dc.as_ref().and_then(DcUnit::next_pulse);
-        [sync, self.watchdog.expires_at(), self.pdi_watchdog.expires_at()].into_iter().flatten().min()
+    /// When something happens in the chip by itself next, host ns; `u64::MAX` for never.
+    pub(crate) fn next_event(&self) -> u64 {
+        let at = |instant: Option<u64>| instant.unwrap_or(u64::MAX);
+        let sync = at(self.dc.as_ref().and_then(DcUnit::next_pulse));
+        sync.min(at(self.watchdog.expires_at())).min(at(self.pdi_watchdog.expires_at()))
     }
 
     /// The firmware has an access to the chip.
@@ -356,10 +357,9 @@ impl Esc {
         self.memory[usize::from(reg::WATCHDOG_STATUS)] = u8::from(alive);
     }
 
-    /// Brings status register and events of SyncManager `n` up to its state.
+    /// Brings the events of SyncManager `n` up to its state.
     fn show_sync_manager(&mut self, n: usize) {
         let manager = &self.sync_managers[n];
-        self.memory[usize::from(reg::SM) + 8 * n + 5] = manager.status();
         let event = al_event::sync_manager(n as u8);
         if manager.pdi_event() {
             self.al_event |= event;

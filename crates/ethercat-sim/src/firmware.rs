@@ -164,7 +164,9 @@ impl Firmware {
             };
             mailbox.answer(&mut served);
         }
-        mailbox.send(pdi);
+        if mailbox.has_messages() {
+            mailbox.send(pdi);
+        }
     }
 
     /// The terminals of a chip without firmware: they follow its memory while a SyncManager is on.

@@ -4,7 +4,7 @@ mod check;
 mod mounted;
 
 use crate::contact::{self, Mass, Regime};
-use crate::floor::{Floor, GRAVITY_M_S2, Holds, Surface};
+use crate::floor::{Floor, GRAVITY_M_S2, Surface};
 use crate::load::{Carried, LoadShare};
 use crate::mechanics::Motion;
 use crate::pose::{Pose, Twist, Wrench};
@@ -301,21 +301,6 @@ impl Body {
         self.acceleration = [0.0; 2];
     }
 
-    /// What holds a wheel where it stands.
-    fn holds(&self, index: usize, sin: f64, cos: f64) -> Holds {
-        let mounted = &self.mounted[index];
-        let surface = self.everywhere.as_ref().or_else(|| {
-            if self.floor.patches.is_empty() {
-                return None;
-            }
-            let [x, y] = self.positions[index];
-            let point_m = [self.pose.x_m + cos * x - sin * y, self.pose.y_m + sin * x + cos * y];
-            let under = self.floor.patches.iter().find(|patch| patch.place.holds(point_m));
-            under.map(|patch| &patch.surface)
-        });
-        surface.map_or(mounted.holds, |surface| surface.holds(mounted.roller))
-    }
-
     /// Advances by `step_s` (50 to 250 us give good results) with one motor torque per wheel, in the wheels' order;
     /// a wheel without a torque turns freely.
     pub fn step(&mut self, torques_n_m: &[f64], step_s: f64) {
@@ -330,11 +315,21 @@ impl Body {
         // On a slope a body that stands is held against free fall, which shifts loads as acceleration does.
         let fall = [fall_x * heading_cos + fall_y * heading_sin, fall_y * heading_cos - fall_x * heading_sin];
         let held = [self.acceleration[0] - fall[0], self.acceleration[1] - fall[1]];
-        for i in 0..self.rows.len() {
-            let holds = self.holds(i, heading_sin, heading_cos);
-            let (row, mounted) = (&mut self.rows[i], &self.mounted[i]);
+        // A floor in the place of the contacts' own, where a wheel stands.
+        let surface_at = |[x, y]: [f64; 2]| {
+            self.everywhere.as_ref().or_else(|| {
+                let x_m = self.pose.x_m + heading_cos * x - heading_sin * y;
+                let y_m = self.pose.y_m + heading_sin * x + heading_cos * y;
+                let under = self.floor.patches.iter().find(|patch| patch.place.holds([x_m, y_m]));
+                under.map(|patch| &patch.surface)
+            })
+        };
+        let wheels = self.wheels.iter_mut().zip(&mut self.bent).zip(&self.positions);
+        let rows = self.rows.iter_mut().zip(&self.mounted);
+        for (i, ((row, mounted), ((wheel, bent), position))) in rows.zip(wheels).enumerate() {
+            let holds = surface_at(*position).map_or(mounted.holds, |surface| surface.holds(mounted.roller));
             let load = self.share.load_n(i, held, self.upright);
-            self.wheels[i].normal_load_n = load;
+            wheel.normal_load_n = load;
             prepare(row, mounted, &holds, load, &before);
             row.stiffness = mounted.inertia * rate + mounted.viscous;
             row.drive = mounted.inertia * rate * row.speed + torques_n_m.get(i).copied().unwrap_or(0.0);
@@ -342,9 +337,8 @@ impl Body {
                 let creep_m_s_n =
                     if load > 0.0 { mounted.creep * travel_m_s(row, &before) / load } else { 0.0 };
                 let slips_m_s = [row.slip_along(&start, row.speed), row.slip_across(&start, row.speed)];
-                let bent = &mut self.bent[i];
                 for (axis, bent) in bent.iter_mut().enumerate() {
-                    bent.deflection_m = self.wheels[i].deflection_m[axis];
+                    bent.deflection_m = wheel.deflection_m[axis];
                     bent.slip_m_s = slips_m_s[axis];
                 }
                 bent[0].creep_m_s_n = creep_m_s_n;
@@ -383,17 +377,18 @@ impl Body {
 
     fn move_wheels(&mut self, step_s: f64) {
         let rests = self.velocity == [0.0; 3] && self.rows.iter().all(|row| row.speed == 0.0);
-        for (i, (row, wheel)) in self.rows.iter().zip(&mut self.wheels).enumerate() {
+        let treads = self.mounted.iter().zip(&self.bent);
+        for ((row, wheel), (mounted, bent)) in self.rows.iter().zip(&mut self.wheels).zip(treads) {
             wheel.angle_rad += 0.5 * (wheel.speed_rad_s + row.speed) * step_s;
             wheel.speed_rad_s = row.speed;
             [wheel.force_along_n, wheel.force_across_n] = row.forces();
             wheel.slip_m_s = row.trial.along;
             wheel.roller_m_s = row.trial.across;
-            if let Some(bristle) = self.mounted[i].bristle.filter(|_| !rests) {
+            if let Some(bristle) = mounted.bristle.filter(|_| !rests) {
                 let contacts = [(&row.grip, row.trial.along), (&row.roller, row.trial.across)];
                 for (axis, (friction, end_m_s)) in contacts.into_iter().enumerate() {
                     wheel.deflection_m[axis] =
-                        bristle.deflection_after_m(friction, &self.bent[i][axis], end_m_s, step_s);
+                        bristle.deflection_after_m(friction, &bent[axis], end_m_s, step_s);
                 }
             }
             wheel.grip = if row.grip.regime == Regime::Stick { Grip::Sticking } else { Grip::Sliding };

@@ -265,7 +265,8 @@ fn newton(mass: &Mass, wheels: &mut [Wheel]) -> [f64; 3] {
         rhs[0] += a[0] * push_a + t[0] * push_t;
         rhs[1] += a[1] * push_a + t[1] * push_t;
         rhs[2] += a[2] * push_a + t[2] * push_t;
-        wheel.trial = Trial { free: drive * inverse, pull_along, pull_across, ..Trial::default() };
+        let trial = &mut wheel.trial;
+        (trial.free, trial.pull_along, trial.pull_across) = (drive * inverse, pull_along, pull_across);
     }
     // LDLᵀ of a positive definite matrix: no pivoting needed.
     let d0 = 1.0 / h00;

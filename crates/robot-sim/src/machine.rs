@@ -174,12 +174,15 @@ impl Machine {
     fn step(&mut self) -> bool {
         let rested = self.body.at_rest();
         let mut settled = true;
-        for (i, (motor, wheel)) in self.motors.iter_mut().zip(self.body.wheels()).enumerate() {
+        let torques = self.torques_n_m.iter_mut().zip(&mut self.greatest_n_m).zip(&self.pushes_n_m);
+        for ((motor, wheel), ((torque_n_m, greatest_n_m), push_n_m)) in
+            self.motors.iter_mut().zip(self.body.wheels()).zip(torques)
+        {
             let gear = motor.parameters().gear_ratio;
             motor.step(gear * wheel.speed_rad_s);
-            self.torques_n_m[i] = gear * motor.shaft_torque_n_m(gear * wheel.angle_rad);
-            self.greatest_n_m[i] = self.greatest_n_m[i].max(self.torques_n_m[i].abs());
-            self.torques_n_m[i] += self.pushes_n_m[i];
+            let motor_n_m = gear * motor.shaft_torque_n_m(gear * wheel.angle_rad);
+            *greatest_n_m = greatest_n_m.max(motor_n_m.abs());
+            *torque_n_m = motor_n_m + push_n_m;
             settled &= motor.settled();
         }
         if let Some(mechanics) = &mut self.mechanics {

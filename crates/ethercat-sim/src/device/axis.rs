@@ -1,6 +1,5 @@
 //! What a servo moves: torque in, position and speed out.
 
-use core::time::Duration;
 use omnibase_ethercat_wire::HostTime;
 
 /// Where an axis is and how fast it turns, at the motor's shaft.
@@ -80,7 +79,7 @@ impl Default for Load {
 }
 
 /// The longest step of the integration; longer ones would blur a stop by friction.
-const LONGEST_STEP: Duration = Duration::from_millis(1);
+const LONGEST_STEP_NS: u64 = 1_000_000;
 
 /// An axis of its own.
 #[derive(Clone, Debug)]
@@ -125,16 +124,16 @@ impl SingleAxis {
 
 impl Axis for SingleAxis {
     fn advance(&mut self, now: HostTime) -> AxisState {
-        let mut left = now - self.time;
+        let mut left_ns = now.0.saturating_sub(self.time.0);
         self.time = self.time.max(now);
         let held_n_m = self.load.coulomb_n_m + self.outside.brake_n_m;
         if self.state.speed_rad_s == 0.0 && self.turning_n_m().abs() <= held_n_m {
             return self.state;
         }
-        while !left.is_zero() {
-            let step = left.min(LONGEST_STEP);
-            self.step(step.as_nanos() as f64 * 1e-9);
-            left -= step;
+        while left_ns > 0 {
+            let step_ns = left_ns.min(LONGEST_STEP_NS);
+            self.step(step_ns as f64 * 1e-9);
+            left_ns -= step_ns;
         }
         self.state
     }

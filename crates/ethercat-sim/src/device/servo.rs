@@ -496,8 +496,8 @@ impl Device for Servo {
     }
 
     fn take_emergency(&mut self) -> Option<Emergency> {
-        let first = self.emergencies[0].take();
+        let first = self.emergencies[0].take()?;
         self.emergencies.swap(0, 1);
-        first
+        Some(first)
     }
 }

@@ -80,7 +80,7 @@ impl Layout {
         let arena = dictionary.arena_mut();
         for copy in &self.copies {
             let (from, to, bits) = (copy.image_bit as usize, copy.offset as usize, usize::from(copy.bits));
-            if from.is_multiple_of(8) && bits.is_multiple_of(8) {
+            if (from | bits).is_multiple_of(8) {
                 copy_bytes(&image[from / 8..], &mut arena[to..], bits / 8);
             } else {
                 copy_bits(image, from, arena, to * 8, bits);
@@ -94,7 +94,7 @@ impl Layout {
         let arena = dictionary.arena();
         for copy in &self.copies {
             let (to, from, bits) = (copy.image_bit as usize, copy.offset as usize, usize::from(copy.bits));
-            if to.is_multiple_of(8) && bits.is_multiple_of(8) {
+            if (to | bits).is_multiple_of(8) {
                 copy_bytes(&arena[from..], &mut image[to / 8..], bits / 8);
             } else {
                 copy_bits(arena, from * 8, image, to, bits);

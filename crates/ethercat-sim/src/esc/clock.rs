@@ -21,18 +21,16 @@ pub struct LocalClock {
     base_host: u64,
     base: u128,
     drift: i64,
-    correction: i64,
+    /// What it shows more in a nanosecond, drift and correction included.
+    pace: i64,
 }
 
 impl LocalClock {
     /// A clock that shows `start_ns` at `host` and is `drift_ppm` parts per million too fast.
     pub fn new(host: u64, start_ns: u64, drift_ppm: f64) -> Self {
-        LocalClock {
-            base_host: host,
-            base: u128::from(start_ns) << FRACTION,
-            drift: relative(drift_ppm * 1e-6),
-            correction: 0,
-        }
+        let drift = relative(drift_ppm * 1e-6);
+        let base = u128::from(start_ns) << FRACTION;
+        LocalClock { base_host: host, base, drift, pace: pace(drift, 0) }
     }
 
     /// What it shows at `host`, ns.
@@ -41,28 +39,30 @@ impl LocalClock {
     }
 
     fn fine(&self, host: u64) -> u128 {
-        let elapsed = i128::from(host) - i128::from(self.base_host);
-        let pace = (1i128 << FRACTION) + i128::from(self.drift) + i128::from(self.correction);
-        self.base.wrapping_add_signed(elapsed * pace)
+        let shown = |ns: u64| i128::from(ns) * i128::from(self.pace);
+        match host.checked_sub(self.base_host) {
+            Some(elapsed) => self.base.wrapping_add_signed(shown(elapsed)),
+            None => self.base.wrapping_sub_signed(shown(self.base_host - host)),
+        }
     }
 
     /// Runs faster from `host` on by `speed`, a relative one; slower where negative.
     fn correct(&mut self, host: u64, speed: f64) {
         self.base = self.fine(host);
         self.base_host = host;
-        self.correction = relative(speed);
+        self.pace = pace(self.drift, relative(speed));
     }
 
     /// The first host instant at which the clock has shown `ahead_ns` more than at `host`.
     pub fn host_after(&self, host: u64, ahead_ns: u64) -> u64 {
-        let pace = (1i128 << FRACTION) + i128::from(self.drift) + i128::from(self.correction);
+        let shown = self.fine(host);
         // What the clock shows is rounded down: the target is the full nanosecond.
-        let target = ((self.fine(host) >> FRACTION) + u128::from(ahead_ns)) << FRACTION;
-        let missing = target.saturating_sub(self.fine(host));
+        let target = ((shown >> FRACTION) + u128::from(ahead_ns)) << FRACTION;
+        let missing = target.saturating_sub(shown);
         let estimate = match u64::try_from(missing) {
             // The usual case, a fast one: up to 16 ms ahead.
-            Ok(short) => (short as f64 / pace as f64) as u64,
-            Err(_) => u64::try_from(missing / pace.max(1) as u128).unwrap_or(u64::MAX),
+            Ok(short) => (short as f64 / self.pace as f64) as u64,
+            Err(_) => u64::try_from(missing / self.pace.max(1) as u128).unwrap_or(u64::MAX),
         };
         let mut at = host.saturating_add(estimate);
         while self.fine(at) < target && at < u64::MAX {
@@ -70,6 +70,11 @@ impl LocalClock {
         }
         at
     }
+}
+
+/// A full unit, and what is added to it.
+fn pace(drift: i64, correction: i64) -> i64 {
+    (1 << FRACTION) + drift.saturating_add(correction).min(i64::MAX - (1 << FRACTION))
 }
 
 fn relative(speed: f64) -> i64 {

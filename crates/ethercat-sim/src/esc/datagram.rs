@@ -139,8 +139,11 @@ impl Esc {
         let (mut read, mut written) = (false, false);
         // Writes first: where outputs and inputs overlap in the image, outputs are what the MainDevice sent.
         for pass in [true, false] {
+            if !(if pass { writes } else { reads }) {
+                continue;
+            }
             for n in 0..self.fmmus.len() {
-                let Some(fmmu) = self.fmmus[n] else { continue };
+                let fmmu = self.fmmus[n];
                 let Some(bytes) = fmmu.overlap(logical, length) else { continue };
                 let (reads, writes) = (reads && fmmu.reads, writes && fmmu.writes);
                 let part = Part { fmmu, logical, bytes };

@@ -47,16 +47,16 @@ impl Esc {
             if !manager.active() {
                 continue;
             }
-            let window = manager.window();
-            if window.contains(&at) {
-                return (Guard::Window(n), end.min(window.end));
-            }
             let occupied = manager.occupied();
-            if occupied.contains(&at) {
-                return (Guard::Hidden, end.min(occupied.end));
-            }
-            if window.start > at {
-                free_until = free_until.min(window.start);
+            if at < occupied.start {
+                free_until = free_until.min(occupied.start);
+            } else if at < occupied.end {
+                // The first of the buffers is the window to all of them.
+                let window = manager.window();
+                return match at < window.end {
+                    true => (Guard::Window(n), end.min(window.end)),
+                    false => (Guard::Hidden, end.min(occupied.end)),
+                };
             }
         }
         (Guard::Free, free_until)

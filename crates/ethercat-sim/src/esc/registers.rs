@@ -59,12 +59,25 @@ const BLOCKS: [(usize, Block); 27] = [
     (0x09B0, Block::Plain),
 ];
 
+/// Which block each pair of registers belongs to.
+const NUMBERS: [u8; super::REGISTERS / 2] = {
+    let (mut numbers, mut at, mut number) = ([0; super::REGISTERS / 2], 0, 0);
+    while at < numbers.len() {
+        if number + 1 < BLOCKS.len() && BLOCKS[number + 1].0 <= 2 * at {
+            number += 1;
+        }
+        numbers[at] = number as u8;
+        at += 1;
+    }
+    numbers
+};
+
 impl Block {
     /// The block at `address`, and where it ends.
     fn at(address: usize) -> (Block, usize) {
-        let next = BLOCKS.partition_point(|(start, _)| *start <= address);
-        let end = BLOCKS.get(next).map_or(super::REGISTERS, |(start, _)| *start);
-        (BLOCKS[next - 1].1, end)
+        let number = usize::from(NUMBERS[address / 2]);
+        let end = BLOCKS.get(number + 1).map_or(super::REGISTERS, |(start, _)| *start);
+        (BLOCKS[number].1, end)
     }
 }
 
@@ -109,6 +122,11 @@ impl Esc {
             }
             Block::Sii => self.refresh_sii(now),
             Block::Dc => self.refresh_dc(range.start, range.end, now),
+            Block::SyncManagers => {
+                for (n, manager) in self.sync_managers.iter().enumerate() {
+                    self.memory[usize::from(reg::SM) + 8 * n + 5] = manager.status();
+                }
+            }
             _ => {}
         }
     }
@@ -184,7 +202,7 @@ impl Esc {
             Block::Fmmus | Block::Plain | Block::DlStatus | Block::Events => {
                 let stored = self.store(side, range.start, data, |_| false);
                 if stored && block == Block::Fmmus {
-                    self.take_fmmus(&range);
+                    self.take_fmmus();
                 }
                 stored
             }
@@ -205,7 +223,7 @@ impl Esc {
             }
             Block::EventMasks => {
                 let stored = self.store(side, range.start, data, |_| false);
-                self.set_ecat_event(0, true);
+                self.mask_ecat_events();
                 // Opening the mask for an event that waits already is as good as the event.
                 if stored
                     && side == Side::Pdi
@@ -341,16 +359,14 @@ impl Esc {
         written
     }
 
-    fn take_fmmus(&mut self, range: &Range<usize>) {
-        let first = usize::from(reg::FMMU);
-        let size = usize::from(reg::FMMU_SIZE);
-        for n in (range.start - first) / size..self.fmmus.len().min((range.end - first).div_ceil(size)) {
-            self.fmmus[n] = Fmmu::decode(&self.memory[first + n * size..][..size]);
-        }
-        let active = || self.fmmus.iter().flatten();
-        let start = active().map(|fmmu| u64::from(fmmu.logical)).min().unwrap_or(0);
-        let end = active().map(|fmmu| u64::from(fmmu.logical) + u64::from(fmmu.length)).max().unwrap_or(0);
-        self.logical = start..end;
+    fn take_fmmus(&mut self) {
+        let length = usize::from(self.config.fmmu_count) * usize::from(reg::FMMU_SIZE);
+        let registers = &self.memory[usize::from(reg::FMMU)..][..length];
+        self.fmmus.clear();
+        self.fmmus.extend(registers.chunks_exact(usize::from(reg::FMMU_SIZE)).filter_map(Fmmu::decode));
+        let start = self.fmmus.iter().map(|fmmu| u64::from(fmmu.logical)).min().unwrap_or(0);
+        let end = self.fmmus.iter().map(|fmmu| u64::from(fmmu.logical) + u64::from(fmmu.length)).max();
+        self.logical = start..end.unwrap_or(0);
     }
 
     fn write_sync_managers(&mut self, side: Side, range: Range<usize>, data: &[u8]) -> bool {

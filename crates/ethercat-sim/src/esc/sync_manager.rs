@@ -4,11 +4,12 @@ use super::REGISTERS;
 use core::ops::Range;
 
 /// Who accesses the memory.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Side {
     /// The MainDevice, by frames.
     Ecat,
     /// The firmware, by the process-data interface.
+    #[default]
     Pdi,
 }
 
@@ -38,10 +39,15 @@ const STATUS_FULL: u8 = 1 << 3;
 /// State of one SyncManager.
 #[derive(Clone, Debug, Default)]
 pub struct SyncManager {
-    start: u16,
-    length: u16,
+    start: usize,
+    length: usize,
     control: u8,
     active: bool,
+    /// One message at a time instead of three buffers.
+    is_mailbox: bool,
+    /// Where the last of its buffers ends.
+    end: usize,
+    writer: Side,
     /// Mailbox mode: a message waits to be read.
     full: bool,
     /// Buffered mode: the buffer written last; none was since activation where `None`.
@@ -58,16 +64,26 @@ impl SyncManager {
     /// Takes over the registers; an activation starts with empty buffers.
     pub fn configure(&mut self, registers: &[u8]) {
         let (enabled, deactivated) = (registers[6] & 1 != 0, registers[7] & 1 != 0);
-        let start = u16::from_le_bytes([registers[0], registers[1]]);
-        let length = u16::from_le_bytes([registers[2], registers[3]]);
+        let start = usize::from(u16::from_le_bytes([registers[0], registers[1]]));
+        let length = usize::from(u16::from_le_bytes([registers[2], registers[3]]));
+        let control = registers[4];
         let active = enabled && !deactivated && length > 0;
-        if active != self.active
-            || start != self.start
-            || length != self.length
-            || registers[4] != self.control
-        {
-            *self = SyncManager { start, length, control: registers[4], active, ..SyncManager::default() };
+        if active == self.active && start == self.start && length == self.length && control == self.control {
+            return;
         }
+        let is_mailbox = control & 3 == 2;
+        // Digital outputs are registers: there is one of each, as in a mailbox.
+        let buffers = if is_mailbox || start < REGISTERS { 1 } else { 3 };
+        *self = SyncManager {
+            start,
+            length,
+            control,
+            active,
+            is_mailbox,
+            end: start + buffers * length,
+            writer: if control >> 2 & 3 == 1 { Side::Ecat } else { Side::Pdi },
+            ..SyncManager::default()
+        };
     }
 
     /// Whether it guards its area now.
@@ -77,31 +93,22 @@ impl SyncManager {
 
     /// The addresses through which its area is accessed.
     pub fn window(&self) -> Range<usize> {
-        usize::from(self.start)..usize::from(self.start) + usize::from(self.length)
+        self.start..self.start + self.length
     }
 
     /// All memory that it occupies: three buffers in buffered mode.
     pub fn occupied(&self) -> Range<usize> {
-        usize::from(self.start)..usize::from(self.start) + self.buffers() * usize::from(self.length)
-    }
-
-    /// Digital outputs are registers: there is one of each, as in a mailbox.
-    fn buffers(&self) -> usize {
-        if self.mailbox() || usize::from(self.start) < REGISTERS { 1 } else { 3 }
-    }
-
-    fn mailbox(&self) -> bool {
-        self.control & 3 == 2
+        self.start..self.end
     }
 
     /// The side that writes.
     pub fn writer(&self) -> Side {
-        if (self.control >> 2) & 3 == 1 { Side::Ecat } else { Side::Pdi }
+        self.writer
     }
 
     /// Whether completed writes trigger the process-data watchdog.
     pub fn triggers_watchdog(&self) -> bool {
-        self.control & CONTROL_WATCHDOG != 0 && self.writer() == Side::Ecat
+        self.control & CONTROL_WATCHDOG != 0 && self.writer == Side::Ecat
     }
 
     /// The status register (offset 5).
@@ -116,7 +123,7 @@ impl SyncManager {
         if self.full {
             status |= STATUS_FULL;
         }
-        status |= if self.active && !self.mailbox() { self.latest.unwrap_or(3) << 4 } else { 0x30 };
+        status |= if self.active && !self.is_mailbox { self.latest.unwrap_or(3) << 4 } else { 0x30 };
         if self.reading.is_some() {
             status |= 1 << 6;
         }
@@ -128,33 +135,33 @@ impl SyncManager {
 
     /// Whether the firmware has something to do: its side of the buffer changed hands.
     pub fn pdi_event(&self) -> bool {
-        let event = if self.writer() == Side::Ecat { self.written_event } else { self.read_event };
+        let event = if self.writer == Side::Ecat { self.written_event } else { self.read_event };
         event && self.control & CONTROL_PDI_EVENT != 0
     }
 
     /// Whether the MainDevice has something to do.
     pub fn ecat_event(&self) -> bool {
-        let event = if self.writer() == Side::Ecat { self.read_event } else { self.written_event };
+        let event = if self.writer == Side::Ecat { self.read_event } else { self.written_event };
         event && self.control & CONTROL_ECAT_EVENT != 0
     }
 
     /// Writes `data` at `address`, inside the window.
     pub fn write(&mut self, side: Side, address: usize, data: &[u8], memory: &mut [u8]) -> Access {
-        if side != self.writer() || (self.mailbox() && self.full) || self.occupied().end > memory.len() {
+        if side != self.writer || (self.is_mailbox && self.full) || self.end > memory.len() {
             return Access::Denied;
         }
-        let opened = address == usize::from(self.start);
+        let opened = address == self.start;
         if opened {
-            self.writing = Some(if self.buffers() == 1 { 0 } else { self.free_buffer() });
+            self.writing = Some(if self.end == self.window().end { 0 } else { self.free_buffer() });
             self.read_event = false;
         }
         let Some(buffer) = self.writing else { return Access::Denied };
-        let at = address + usize::from(buffer) * usize::from(self.length);
+        let at = address + usize::from(buffer) * self.length;
         memory[at..at + data.len()].copy_from_slice(data);
         if address + data.len() == self.window().end {
             self.writing = None;
             self.written_event = true;
-            self.full = self.mailbox();
+            self.full = self.is_mailbox;
             self.latest = Some(buffer);
             return Access::Completed;
         }
@@ -163,10 +170,10 @@ impl SyncManager {
 
     /// Reads at `address`, inside the window, into `data`.
     pub fn read(&mut self, side: Side, address: usize, data: &mut [u8], memory: &[u8]) -> Access {
-        if side == self.writer() || self.occupied().end > memory.len() || (self.mailbox() && !self.full) {
+        if side == self.writer || self.end > memory.len() || (self.is_mailbox && !self.full) {
             return Access::Denied;
         }
-        let opened = address == usize::from(self.start);
+        let opened = address == self.start;
         if opened {
             self.reading = self.latest;
             if self.latest.is_some() {
@@ -174,7 +181,7 @@ impl SyncManager {
             }
         }
         let Some(buffer) = self.reading else { return Access::Denied };
-        let at = address + usize::from(buffer) * usize::from(self.length);
+        let at = address + usize::from(buffer) * self.length;
         data.copy_from_slice(&memory[at..at + data.len()]);
         if address + data.len() == self.window().end {
             self.reading = None;
@@ -188,7 +195,7 @@ impl SyncManager {
     /// The bytes at `address` as the writer left them last, for writes of single bits.
     pub fn latest(&self, address: usize, data: &mut [u8], memory: &[u8]) {
         let buffer = usize::from(self.writing.or(self.latest).unwrap_or(0));
-        let at = address + buffer * usize::from(self.length);
+        let at = address + buffer * self.length;
         if at + data.len() <= memory.len() {
             data.copy_from_slice(&memory[at..at + data.len()]);
         }

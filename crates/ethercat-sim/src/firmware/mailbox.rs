@@ -165,11 +165,13 @@ impl MailboxServer {
         }
     }
 
+    /// Whether a message waits for SM1.
+    pub fn has_messages(&self) -> bool {
+        !self.waiting.is_empty() || !self.emergencies.is_empty() || self.again.is_some()
+    }
+
     /// Fills SM1 with the next message where it is empty.
     pub fn send(&mut self, pdi: &mut dyn Pdi) {
-        if self.waiting.is_empty() && self.emergencies.is_empty() && self.again.is_none() {
-            return;
-        }
         if is_full(pdi) {
             return;
         }

@@ -124,7 +124,7 @@ impl SubDevice {
             return self.power_on_at.map_or(u64::MAX, |at| at.0);
         }
         let wake = self.wake.filter(|_| !self.frozen).map_or(u64::MAX, |at| at.0);
-        wake.min(self.esc.next_event().unwrap_or(u64::MAX))
+        wake.min(self.esc.next_event())
     }
 
     /// Lets happen what is due at `now`.
@@ -135,10 +135,12 @@ impl SubDevice {
             }
             return;
         }
-        if self.esc.misses_pdi(now.0) && !self.frozen && self.application.was_there() {
-            self.esc.touch_pdi(now.0);
+        if self.esc.next_event() <= now.0 {
+            if self.esc.misses_pdi(now.0) && !self.frozen && self.application.was_there() {
+                self.esc.touch_pdi(now.0);
+            }
+            self.esc.run_events(now.0);
         }
-        self.esc.run_events(now.0);
         if self.wake.is_some_and(|at| at <= now) {
             self.run(now);
         }

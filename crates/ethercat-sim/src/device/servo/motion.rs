@@ -96,12 +96,13 @@ pub(super) struct Motion {
     speed_gain: f64,
     integral_gain: f64,
     torque_time_constant_s: f64,
-    loop_period: Duration,
+    loop_period_ns: u64,
     /// Difference of 0x6064 and the axis' own counts.
     offset: i64,
     initial_position: i32,
     encoder: Encoder,
     now: HostTime,
+    next_loop: HostTime,
     state: AxisState,
     mode: Mode,
     reference: Reference,
@@ -139,11 +140,12 @@ impl Motion {
             speed_gain,
             integral_gain: speed_gain * config.speed_bandwidth_rad_s * INTEGRAL_RATIO,
             torque_time_constant_s: config.torque_time_constant_s,
-            loop_period: Duration::from_nanos(config.loop_period_ns.max(1)),
+            loop_period_ns: config.loop_period_ns.max(1),
             offset: 0,
             initial_position: config.initial_position,
             encoder: config.encoder,
             now: HostTime(0),
+            next_loop: HostTime(config.loop_period_ns.max(1)),
             state: AxisState::default(),
             mode: Mode::None,
             reference: Reference::Torque { to: 0.0, rate: f64::INFINITY },
@@ -175,6 +177,7 @@ impl Motion {
             self.offset = -self.encoder(state);
         }
         self.now = now;
+        self.plan_loop();
         self.state = state;
         self.mode = Mode::None;
         self.torque = 0.0;
@@ -219,7 +222,7 @@ impl Motion {
 
     /// Whole counts of an ideal encoder.
     fn encoder(&self, state: AxisState) -> i64 {
-        (state.position_rad * self.counts_per_rad).floor() as i64
+        whole(state.position_rad * self.counts_per_rad)
     }
 
     /// The axis' position in counts of 0x6064, not wrapped.
@@ -236,17 +239,21 @@ impl Motion {
     /// Moves axis and loops on to `now` under the references that held so far.
     pub fn advance(&mut self, axis: &mut dyn Axis, now: HostTime, actuation: Actuation) {
         while self.now < now {
-            let left = now - self.now;
+            let left_ns = now.0 - self.now.0;
             let still = self.torque == 0.0 && self.state.speed_rad_s == 0.0;
-            let step = if actuation.is_energized || !still { left.min(self.loop_period) } else { left };
-            self.now = self.now + step;
+            let step_ns =
+                if actuation.is_energized || !still { left_ns.min(self.loop_period_ns) } else { left_ns };
+            self.now = HostTime(self.now.0 + step_ns);
             self.state = axis.advance(self.now);
-            let step_s = step.as_nanos() as u64 as f64 * 1e-9;
+            let step_s = step_ns as f64 * 1e-9;
             self.move_demands(step_s, actuation.stop_rate_counts_s2);
             self.integrate(step_s, actuation.is_energized);
             if self.now < now {
                 self.apply(axis, actuation);
             }
+        }
+        if self.next_loop <= self.now {
+            self.plan_loop();
         }
     }
 
@@ -258,8 +265,11 @@ impl Motion {
     /// When the loops run next by themselves: all servos at the same instants, so that those that share a body see
     /// it in the same state.
     pub fn next_loop(&self) -> HostTime {
-        let period = self.loop_period.as_nanos() as u64;
-        HostTime((self.now.0 / period + 1) * period)
+        self.next_loop
+    }
+
+    fn plan_loop(&mut self) {
+        self.next_loop = HostTime((self.now.0 / self.loop_period_ns + 1) * self.loop_period_ns);
     }
 
     /// Demands as they are at `self.now`.
@@ -460,7 +470,36 @@ fn period(dictionary: &Dictionary, fields: &Fields) -> u64 {
     value * 10u64.pow(exponent.clamp(0, 9) as u32)
 }
 
+/// The greatest whole number that isn't above `value`.
+fn whole(value: f64) -> i64 {
+    let towards_zero = value as i64;
+    towards_zero.saturating_sub(i64::from(towards_zero as f64 > value))
+}
+
+/// The nearest whole number, halves away from zero.
+fn nearest(value: f64) -> i32 {
+    let towards_zero = value as i32;
+    let rest = value - f64::from(towards_zero);
+    towards_zero.saturating_add(i32::from(rest >= 0.5) - i32::from(rest <= -0.5))
+}
+
 /// `from` moved to `to` by at most `step`.
 fn towards(from: f64, to: f64, step: f64) -> f64 {
     from + (to - from).clamp(-step, step)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::{nearest, whole};
+
+    #[test]
+    fn whole_numbers_are_those_of_floor_and_round() {
+        let near = [-2.5, -1.0, -0.5, -0.0, 0.0, 0.49999999999999994, 0.5, 1.5, 2147483646.5, 2147483647.5];
+        let far = [-1e10, 1e10, 9007199254740993.0, -1e19, 1e19, f64::NEG_INFINITY, f64::INFINITY, f64::NAN];
+        let beside = |value: f64| [value.next_down(), value, value.next_up(), -value];
+        for value in near.into_iter().chain(far).flat_map(beside) {
+            assert_eq!(whole(value), value.floor() as i64, "{value:?}");
+            assert_eq!(nearest(value), value.round() as i32, "{value:?}");
+        }
+    }
 }

@@ -1,6 +1,6 @@
 //! What the dictionary shows of the loops.
 
-use super::{Mode, Motion};
+use super::{Mode, Motion, nearest, whole};
 
 /// Statusword bit 10: target reached.
 pub(super) const TARGET_REACHED: u16 = 1 << 10;
@@ -29,7 +29,7 @@ pub(in super::super) struct Shown {
 impl Motion {
     pub fn shown(&self) -> Shown {
         let position = self.encoder(self.state) + self.offset;
-        let demand = self.position_demand.floor();
+        let demand = whole(self.position_demand);
         let mut status = 0;
         if self.limited && self.follows {
             status |= LIMIT_ACTIVE;
@@ -49,15 +49,18 @@ impl Motion {
                 status |= FOLLOWING_ERROR;
             }
         }
-        let per_mille = |torque: f64| (torque / self.rated_torque_n_m * 1000.0).round() as i16;
+        let per_mille = |torque: f64| {
+            let nearest = nearest(torque / self.rated_torque_n_m * 1000.0);
+            nearest.clamp(i16::MIN.into(), i16::MAX.into()) as i16
+        };
         Shown {
             status,
             mode: self.mode as i8,
             position: position as i32,
-            position_demand: demand as i64 as i32,
-            following_error: (demand - position as f64) as i32,
-            velocity: (self.state.speed_rad_s * self.counts_per_rad).round() as i32,
-            velocity_demand: self.speed_demand.round() as i32,
+            position_demand: demand as i32,
+            following_error: (demand as f64 - position as f64) as i32,
+            velocity: nearest(self.state.speed_rad_s * self.counts_per_rad),
+            velocity_demand: nearest(self.speed_demand),
             torque: per_mille(self.state.torque_n_m),
             torque_demand: per_mille(self.torque_demand),
             digital_inputs: u32::from(self.state.switches.negative)
