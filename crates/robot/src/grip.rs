@@ -140,6 +140,11 @@ impl Wheel {
     fn is_loose(&self) -> bool {
         self.slips || self.slide.is_some()
     }
+
+    /// Whether its motor is what pushes the floor so, N: what the floor turns by itself is no slide.
+    fn drives(&self, push_n: f64) -> bool {
+        self.force_n * push_n.signum() > LEAST_N
+    }
 }
 
 impl Grip {
@@ -348,8 +353,7 @@ impl Grip {
         let change = self.sliding.change(wished.acceleration, motion.acceleration, span_s);
         for (at, wheel) in self.wheels.iter_mut().enumerate().take(count) {
             let slide = self.sliding.look(at, &change, wheel.rim_m_s, pushes_n[at], span_s);
-            // What the floor turns by itself is no slide: a motor that pushes the other way, or not at all, makes none.
-            wheel.slide = slide.filter(|_| wheel.force_n * pushes_n[at].signum() > LEAST_N);
+            wheel.slide = slide.filter(|_| wheel.drives(pushes_n[at]));
         }
         let shown = self.pushed(motion, &pushes_n[..count]);
         self.ask(&wished, motion, &shown, &pushes_n);
@@ -392,7 +396,8 @@ impl Grip {
         }
         self.alone.look(more_m_s2, motion.turn_rad_s, span_s);
         for (at, (wheel, row)) in self.wheels.iter_mut().zip(self.kinematics.matrix()).enumerate() {
-            wheel.slide = wheel.slide.or(self.alone.slide(at, row, wheel.force_n, span_s));
+            let slide = self.alone.slide(at, row, wheel.force_n, span_s);
+            wheel.slide = wheel.slide.or(slide.filter(|_| wheel.drives(pushes_n[at])));
         }
     }
 
