@@ -270,7 +270,7 @@ impl Robot {
             let heading_rad = record.setpoint.odom_from_body.heading_rad;
             let acceleration = record.setpoint.acceleration_in_odom.rotated(-heading_rad);
             let by_torque = record.allowed.commands.quantity == Quantity::Torque;
-            Wished { acceleration: omnibase_platform::axes(&acceleration), by_torque }
+            Wished { acceleration: omnibase_platform::axes(&acceleration), by_torque, time: record.time }
         });
         let turn_rad_s = self.safety_plan.gyro_input.and_then(|input| record.signals.believed(input));
         let turn_rad_s = turn_rad_s.filter(|turn_rad_s| turn_rad_s.is_finite());
@@ -398,6 +398,7 @@ impl Robot {
             true => !is_held_off && all_but_rests(&record.setpoint.twist_in_odom),
             false => self.limiter.has_reached(wished),
         };
+        let did_stop = self.lifecycle.phase() == Phase::Stopping;
         self.lifecycle.advance(&Outcome {
             time: &record.time,
             exchange: record.exchange,
@@ -416,6 +417,9 @@ impl Robot {
             },
         });
         self.motion.arrive(&record.time, &record.setpoint);
+        if self.lifecycle.phase() == Phase::Stopping && !did_stop {
+            self.limiter.stop_with(&self.record.state);
+        }
         if self.lifecycle.phase() != Phase::Tracking {
             self.motion.leave();
         }

@@ -13,12 +13,13 @@ mod floor;
 pub(crate) mod friction;
 mod identification;
 pub(crate) mod loads;
+pub(crate) mod probe;
 mod sliding;
 mod steady;
 
 use omnibase_platform::{Kinematics, PerWheel, Wrench2, axes};
 
-use crate::config::{RobotPlan, find_object, wheel_kg};
+use crate::config::{RobotPlan, wheel_kg};
 use crate::decay::Decay;
 use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
 use alone::Alone;
@@ -27,6 +28,7 @@ use floor::Floor;
 use friction::{DRY_M_S, WheelFriction};
 use identification::{Identification, Motion, Watched};
 use loads::Loads;
+use probe::{Along, Probe, Rim};
 use sliding::{Slide, Sliding};
 use steady::{Shown, Steady};
 
@@ -70,6 +72,7 @@ pub(crate) struct Grip {
     sliding: Sliding,
     steady: Steady,
     alone: Alone,
+    probe: Probe,
     filter: Decay,
     drawn: Decay,
     /// Whether every drive tells its torque: without that nothing is known.
@@ -108,6 +111,8 @@ pub(crate) struct Wished {
     pub(crate) acceleration: [f64; 3],
     /// Whether torques are commanded.
     pub(crate) by_torque: bool,
+    /// The cycle in which.
+    pub(crate) time: CycleTime,
 }
 
 /// What is known of one wheel.
@@ -135,6 +140,11 @@ impl Wheel {
     fn is_loose(&self) -> bool {
         self.slips || self.slide.is_some()
     }
+
+    /// Whether its motor is what pushes the floor so, N: what the floor turns by itself is no slide.
+    fn drives(&self, push_n: f64) -> bool {
+        self.force_n * push_n.signum() > LEAST_N
+    }
 }
 
 impl Grip {
@@ -154,11 +164,12 @@ impl Grip {
             sliding: Sliding::new(&plan.kinematics, &first),
             steady: Steady::new(weighed_kg.max(bounded_kg)),
             alone: Alone::new(first.mass.1[0] * GRAVITY_M_S2 / plan.kinematics.wheel_count() as f64),
+            probe: Probe::default(),
             friction,
             loads: Loads::new(&plan.kinematics),
             filter: Decay::new(FILTER_1_S),
             drawn: Decay::new(DRAWN_1_S),
-            is_told: plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some()),
+            is_told: probe::are_torques_told(plan),
             wheel_kg: wheel_kg(plan, first.mass.0),
             rim_share,
             told_kg: plan.controller.mass_kg.or(plan.mass_kg).unwrap_or(first.mass.0),
@@ -227,6 +238,7 @@ impl Grip {
         self.sliding.forget();
         self.steady.forget();
         self.alone.forget();
+        self.probe.forget();
         self.wheels = [Wheel::default(); MAX_WHEELS];
     }
 
@@ -329,6 +341,7 @@ impl Grip {
             self.sliding.forget();
             self.steady.forget();
             self.alone.forget();
+            self.probe.forget();
             self.wheels.iter_mut().for_each(|wheel| wheel.slide = None);
             return;
         };
@@ -340,14 +353,10 @@ impl Grip {
         let change = self.sliding.change(wished.acceleration, motion.acceleration, span_s);
         for (at, wheel) in self.wheels.iter_mut().enumerate().take(count) {
             let slide = self.sliding.look(at, &change, wheel.rim_m_s, pushes_n[at], span_s);
-            // What the floor turns by itself is no slide: a motor that pushes the other way, or not at all, makes none.
-            wheel.slide = slide.filter(|_| wheel.force_n * pushes_n[at].signum() > LEAST_N);
+            wheel.slide = slide.filter(|_| wheel.drives(pushes_n[at]));
         }
         let shown = self.pushed(motion, &pushes_n[..count]);
-        // A drive that holds a speed gives whatever that takes.
-        if wished.by_torque {
-            self.ask(motion, &shown, &pushes_n, span_s);
-        }
+        self.ask(&wished, motion, &shown, &pushes_n);
         let told = self.steady.look(&shown, span_s);
         let is_told = told.is_some();
         let any_slides = self.wheels.iter().any(|wheel| wheel.slide.is_some());
@@ -365,16 +374,41 @@ impl Grip {
         }
     }
 
-    /// Which wheels turn alone.
-    fn ask(&mut self, motion: &Motion, shown: &Shown, pushes_n: &[f64; MAX_WHEELS], span_s: f64) {
-        let more_m_s2 = self.unexplained(motion, shown);
-        for (at, (wheel, push_n)) in self.wheels.iter().zip(pushes_n).enumerate() {
-            self.alone.take(at, wheel.force_n, *push_n, span_s);
+    /// Which wheels turn alone: by what a law of torque swings by itself, or one of speed on purpose.
+    fn ask(&mut self, wished: &Wished, motion: &Motion, shown: &Shown, pushes_n: &[f64; MAX_WHEELS]) {
+        let (more_m_s2, span_s) = (self.unexplained(motion, shown), motion.period_s);
+        let mut rims = [Rim::default(); MAX_WHEELS];
+        let rows = self.kinematics.matrix().iter().zip(pushes_n);
+        for (at, ((rim, wheel), (row, push_n))) in rims.iter_mut().zip(&self.wheels).zip(rows).enumerate() {
+            let wished_m_s2 = row.iter().zip(wished.acceleration).map(|(row, axis)| row * axis).sum();
+            let Wheel { rim_m_s, gains_m_s2, force_n: motor_n, .. } = *wheel;
+            *rim = Rim { wished_m_s2, gains_m_s2, rim_m_s, motor_n };
+            self.alone.take(at, motor_n, *push_n, span_s);
+        }
+        if wished.by_torque {
+            self.alone.see();
+        } else {
+            let along = self.along(&wished.acceleration, motion);
+            self.alone.hear(
+                &self.probe.look(&wished.time, &rims[..self.kinematics.wheel_count()], &along),
+                self.wheel_kg,
+            );
         }
         self.alone.look(more_m_s2, motion.turn_rad_s, span_s);
         for (at, (wheel, row)) in self.wheels.iter_mut().zip(self.kinematics.matrix()).enumerate() {
-            wheel.slide = wheel.slide.or(self.alone.slide(at, row, wheel.force_n, span_s));
+            let slide = self.alone.slide(at, row, wheel.force_n, span_s);
+            wheel.slide = wheel.slide.or(slide.filter(|_| wheel.drives(pushes_n[at])));
         }
+    }
+
+    /// What pushes the platform along an acceleration that it is asked for, and what its rims' acceleration needs by what was learnt.
+    fn along(&self, asked: &[f64; 3], motion: &Motion) -> Along {
+        let Dynamics { mass_kg, inertia_kg_m2, .. } = self.identification.dynamics();
+        let size = asked.iter().map(|axis| axis * axis).sum::<f64>().sqrt().max(f64::MIN_POSITIVE);
+        let [x, y, turn] = motion.acceleration;
+        let needed = [mass_kg * x, mass_kg * y, inertia_kg_m2 * turn];
+        let along = |wrench: [f64; 3]| asked.iter().zip(wrench).map(|(axis, part)| axis / size * part).sum();
+        Along { pushed_n: along(motion.wrench), needed_n: along(needed) }
     }
 
     /// By how much more the rims gain along the floor than what the wheels push gives the platform, m/s²: of one that weighs what its file

@@ -2,11 +2,11 @@
 //!
 //! A wish that keeps the limits passes as it is; else the setpoint lags behind its pose and catches up within them.
 
-use omnibase_platform::{Pose2, Twist2};
+use omnibase_platform::{Pose2, Twist2, pose_error};
 use omnibase_trajectory::{LimitedTwist, LimitsError, TwistLimiter};
 
 use crate::config::{Limits, motion_limits};
-use crate::signals::Setpoint;
+use crate::signals::{PlatformState, Setpoint};
 
 /// Greatest speeds.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -45,6 +45,12 @@ const REACHED: f64 = 1e-6;
 /// Slower than this a reached pose counts as held, m/s and rad/s.
 const RESTING: f64 = 1e-5;
 
+/// So far from its setpoint a platform was left behind by it, m and rad: plans that are caught up with leave 0.06 m.
+const LEFT_BEHIND_M: f64 = 0.1;
+const LEFT_BEHIND_RAD: f64 = 0.1;
+/// Slower than this it stands, m/s and rad/s.
+const STANDS: f64 = 0.02;
+
 /// What lets a wished motion through as far as the platform's limits allow.
 #[derive(Clone, Debug)]
 pub struct Limiter {
@@ -78,6 +84,17 @@ impl Limiter {
     pub fn reset(&mut self, pose: Pose2) {
         self.twist.restart(Twist2::default());
         self.setpoint = Setpoint::at_rest(pose);
+    }
+
+    /// A stop begins: who stands, left far behind, stays there, and doesn't drive after a setpoint that brakes.
+    pub(crate) fn stop_with(&mut self, state: &PlatformState) {
+        let [x, y, turn] = pose_error(&self.setpoint.odom_from_body, &state.odom_from_body);
+        let is_behind = x.hypot(y) > LEFT_BEHIND_M || turn.abs() > LEFT_BEHIND_RAD;
+        let Twist2 { w_rad_s, .. } = state.twist_in_body;
+        let stands = state.twist_in_body.speed_m_s() < STANDS && w_rad_s.abs() < STANDS;
+        if is_behind && stands && state.pose_known && state.is_finite() {
+            self.reset(state.odom_from_body);
+        }
     }
 
     /// Where the limiter is.

@@ -47,6 +47,8 @@ pub struct SafetyChain {
 
 /// Nearer than this to the plan a platform that gave way has caught up with it, m.
 const CAUGHT_UP_M: f64 = 1e-3;
+/// While other wires may be why wheels slip, they may slip so many times as far: the watch of wires takes 0.15 s to be sure.
+const SLIP_BY_WIRES: f64 = 5.0;
 
 /// What a check objects to: what to do, why, and about which wheel or stage.
 type Objection = Option<(SafetyAction, SafetyReason, u64)>;
@@ -199,7 +201,9 @@ impl SafetyChain {
 
     /// What a slipping wheel counts is no way of the platform: it isn't where it is believed to be.
     fn slip(&self, view: &SafetyView<'_>) -> Objection {
-        let wheel = view.grip.slipped_m.iter().position(|way_m| *way_m > self.plan.slip_m)?;
+        // A wheel that is wired backwards slips as well, or makes others slip: that it is wired so says more.
+        let most_m = self.plan.slip_m * if self.wiring.may_explain() { SLIP_BY_WIRES } else { 1.0 };
+        let wheel = view.grip.slipped_m.iter().position(|way_m| *way_m > most_m)?;
         Some((SafetyAction::Stop(self.plan.slip_stop), SafetyReason::WheelSlip, wheel as u64))
     }
 

@@ -294,6 +294,8 @@ fn stations(plan: &RobotPlan) -> Vec<DriveStation> {
             EncoderName::Absolute => Encoder::Absolute,
         };
         station.counts_per_revolution = drive.scale.counts_per_revolution;
+        let drift_ppm = plan.simulation.clock_drift_ppm.as_ref().and_then(|drifts| drifts.get(wheel));
+        station.piece.dc_drift_ppm = drift_ppm.copied().unwrap_or(station.piece.dc_drift_ppm);
         let own = drive.parameters.iter().filter(|parameter| MAKERS_OWN.contains(&parameter.index));
         station.parameters = own.flat_map(beside::entries).collect();
         match drive.place {

@@ -156,3 +156,30 @@ fn a_record_with_obstacles_that_were_moved_computes_again() {
     assert_eq!(robot.obstacles()[3], None);
     assert!(robot.obstacles()[15].is_some());
 }
+
+/// What a robot does in a motion depends on the motion's own time alone.
+#[test]
+fn a_motion_is_driven_alike_whenever_it_begins() {
+    let driven = |text: &str, begins: u64| {
+        let asked = |index| match index {
+            20 => Some(RequestKind::Enable),
+            _ if index == begins => Some(RequestKind::Track),
+            _ => None,
+        };
+        let (mut records, _) = life_of(text, begins + 11_000, &asked);
+        records.drain(..begins as usize);
+        let shown = |record: CycleRecord| (record.setpoint, record.allowed, record.state, record.grip);
+        records.into_iter().map(shown).collect::<Vec<_>>()
+    };
+    for (robot, law) in [
+        (robots::BMM, "open_loop"),
+        (robots::BMM, "closed_loop_speed"),
+        (robots::BMM, "adaptive_torque"),
+        (robots::MECANUM, "closed_loop_speed"),
+    ] {
+        let text = robots::loaded(robot, law, 0.5, robots::CIRCLE);
+        let (first, second) = (driven(&text, 500), driven(&text, 523));
+        let differs = first.iter().zip(&second).position(|(first, second)| first != second);
+        assert_eq!(differs, None, "{law}");
+    }
+}

@@ -213,17 +213,28 @@ fn on_a_floor_that_has_half_of_what_was_told_the_robot_goes_gently_at_once() {
 }
 
 #[test]
-fn slip_on_a_floor_of_less_friction_than_was_planned_with_is_told_by_its_name() {
-    // It slides from its first motion on: its rims go as planned, and it looks light.
-    for name in ["square", "blended"] {
-        let (_, motion) = fast::MOTIONS.into_iter().find(|(each, _)| *each == name).expect("a motion");
-        let (law, motion, floor) = ("closed_loop_speed", motion.to_owned(), [0.35, 0.3]);
-        let slid = fast::Case { robot: BMM, law, motion, told: 0.5, floor }.ride();
-        println!("{name}: {slid:?}");
-        assert_eq!(slid.stopped, SafetyReason::WheelSlip, "{name}: {}", slid.end());
-        assert!(slid.run.cycles < 1200, "{name}: {} ms", slid.run.cycles);
-        let friction = slid.friction.expect("it was found");
-        assert!((0.25..0.36).contains(&friction), "{name}: {friction}");
+fn by_speed_a_floor_that_has_less_than_was_told_is_told_in_the_first_millimetres() {
+    // 211, 210, 56 and 108 mm off on 0.35 where the floor isn't asked, the BMM's first three stopped or told by then; 43 on 0.45, untold.
+    for robot in [BMM, MECANUM] {
+        for floor in [[0.45, 0.4], [0.35, 0.3]] {
+            for (name, _) in fast::MOTIONS {
+                let slid = on_less(robot, name, floor).ride();
+                println!("{floor:?}, {name}: {slid:?}");
+                assert!(
+                    slid.run.finished && slid.run.true_final_m < 0.006,
+                    "{name}: {}: {slid:?}",
+                    slid.end()
+                );
+                assert!(
+                    slid.way_m < 0.01 && (slid.told.is_some() || slid.began.is_none()),
+                    "{name}: {slid:?}"
+                );
+                if let Some(friction) = slid.friction.filter(|_| robot == BMM) {
+                    let is_near = (0.75 * floor[1]..1.1 * floor[0]).contains(&friction);
+                    assert!(is_near, "{floor:?}, {name}: {friction}");
+                }
+            }
+        }
     }
 }
 
@@ -278,20 +289,16 @@ fn slip_in_a_steady_motion_is_told_where_the_file_says_what_the_robot_weighs() {
 }
 
 #[test]
-fn what_slid_before_a_word_of_it_stops_the_robot_with_the_word() {
-    // What is missing at first could be a slope's: it is told late, and by then 0.1 m were slid.
-    let slid = on_less(BMM, "eight", [0.35, 0.3]).ride();
-    println!("{slid:?}");
-    assert_eq!(slid.stopped, SafetyReason::WheelSlip);
-    assert!(slid.run.cycles < 900 && slid.run.true_final_m < 0.12, "{slid:?}");
-    // Whose file doesn't tell what it weighs looks light for 1.9 s; it doesn't go on to its end then.
-    let text = on_less(MECANUM, "eight", [0.25, 0.2]).text();
-    let platform = text.split_once("[limits]").map_or("", |(platform, _)| platform);
-    let weighed = platform.lines().find(|line| line.starts_with("mass_kg")).expect("what it weighs");
-    let slid = Slid::of(&text.replacen(&format!("{weighed}\n"), "", 1), false);
-    println!("{slid:?}");
-    assert_eq!(slid.stopped, SafetyReason::WheelSlip);
-    assert!(slid.run.cycles < 2100, "{slid:?}");
+fn by_speed_slip_is_told_where_nobody_knows_what_the_robot_weighs() {
+    // Stopped by its name after 2 s, and 295 mm off, where the floor isn't asked: they look light.
+    for robot in [BMM, MECANUM] {
+        let text = on_less(robot, "eight", [0.25, 0.2]).text();
+        let platform = text.split_once("[limits]").map_or("", |(platform, _)| platform);
+        let weighed = platform.lines().find(|line| line.starts_with("mass_kg")).expect("what it weighs");
+        let slid = Slid::of(&text.replacen(&format!("{weighed}\n"), "", 1), false);
+        println!("{slid:?}");
+        assert!(slid.told.is_some() && slid.run.finished && slid.run.true_final_m < 0.015, "{slid:?}");
+    }
 }
 
 #[test]

@@ -1,6 +1,7 @@
 //! Stop always stops; `cargo run --release -p omnibase-trials --example stops 1000000` is the long way round.
 
-use omnibase_trials::robots::{BMM, CIRCLE, MECANUM};
+use omnibase_robot::{Phase, RequestKind};
+use omnibase_trials::robots::{BMM, CIRCLE, MECANUM, SQUARE, with_payload};
 use omnibase_trials::stops::{Comeback, Stops};
 use omnibase_trials::{Trial, plan_of};
 
@@ -38,5 +39,34 @@ fn every_wheel_stops_in_time_whatever_is_lost() {
         let found = [Comeback::Stayed, Comeback::Held, Comeback::MovedAsWarned]
             .map(|comeback| seen.contains(&comeback));
         assert_eq!(found, expected, "{after}");
+    }
+}
+
+#[test]
+fn who_is_held_fast_and_stopped_for_it_stays_when_he_is_let_go() {
+    // By up to half a metre, in the stop, where a stop drives after the setpoint that it was left behind by.
+    for robot in [BMM, MECANUM] {
+        for law in ["open_loop", "closed_loop_speed", "adaptive_torque", "disturbance_observer"] {
+            let mut trial = Trial::new(plan_of(&(with_payload(robot, law, 1.0, 0.0) + SQUARE)));
+            trial.enable();
+            let hold = |trial: &Trial, torque_n_m: f64| {
+                (0..trial.plan.drives.len()).for_each(|at| trial.machine.lock().brake(at, torque_n_m));
+            };
+            hold(&trial, 1000.0);
+            trial.step(Some(RequestKind::Track));
+            while trial.robot.phase() == Phase::Tracking {
+                trial.step(None);
+            }
+            let reason = trial.robot.record().stop_reason;
+            let held = trial.pose();
+            hold(&trial, 0.0);
+            trial.run(2000);
+            let moved_m = held.distance_m(trial.pose());
+            println!("{law}: {reason:?}, {moved_m} m");
+            assert!(
+                trial.robot.phase() != Phase::Stopping && moved_m < 0.02,
+                "{law}: {reason:?}, {moved_m} m"
+            );
+        }
     }
 }

@@ -132,13 +132,17 @@ impl Check {
             problem.value = Some(greatest.to_string());
             problem.limit = Some(format!("above motor_rated_speed_rad_s = {rated}"));
         }
-        if let Some(ratios) = &table.torque_ratio
-            && ratios.len() != wheels
+        for (values, name) in
+            [(&table.torque_ratio, "torque_ratio"), (&table.clock_drift_ppm, "clock_drift_ppm")]
         {
-            let reason = "one for each wheel";
-            let problem = self.report(ProblemKind::WrongType, "simulation.torque_ratio", reason);
-            (problem.value, problem.limit) =
-                (Some(format!("{} values", ratios.len())), Some(format!("{wheels} values")));
+            if let Some(values) = values
+                && values.len() != wheels
+            {
+                let reason = "one for each wheel";
+                let problem = self.report(ProblemKind::WrongType, &format!("simulation.{name}"), reason);
+                (problem.value, problem.limit) =
+                    (Some(format!("{} values", values.len())), Some(format!("{wheels} values")));
+            }
         }
         for (amplitude, order, name) in [
             (table.cogging_nm, table.cogging_per_turn, "cogging_nm"),

@@ -80,6 +80,9 @@ pub struct SimulationTable {
     /// the file says; default: 1.
     #[schemars(inner(range(min = 0.0, max = 2.0)))]
     pub torque_ratio: Option<Vec<f64>>,
+    /// By how much each drive's clock runs fast, in the order of the wheels, ppm; default: up to 20, none like the next.
+    #[schemars(inner(range(min = -200.0, max = 200.0)))]
+    pub clock_drift_ppm: Option<Vec<f64>>,
     /// Drives whose wheels turn the wrong way: motor and encoder are both wired the other way round.
     pub turned_drives: Option<Vec<String>>,
     /// Drives whose encoders alone count the wrong way: against their motors.

@@ -4,6 +4,7 @@ use omnibase_platform::{Kinematics, Twist2, axes, pose_error};
 
 use super::{LEAD_PERIODS, saturated, within_speed};
 use crate::config::{Limits, RobotPlan, WheelLimits};
+use crate::grip::probe::Swing;
 use crate::registry::Made;
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
 use crate::stages::{Controller, Gain};
@@ -31,14 +32,23 @@ impl WheelSpeeds {
     }
 }
 
+/// The setpoint's speed, and its acceleration for so long, s.
+fn forward(setpoint: &Setpoint, lead_s: f64) -> [f64; 3] {
+    let (speed, acceleration) = (axes(&setpoint.twist_in_odom), axes(&setpoint.acceleration_in_odom));
+    std::array::from_fn(|axis| speed[axis] + lead_s * acceleration[axis])
+}
+
 /// The wheels' speeds by the reference alone; the pose error is never looked at.
 #[derive(Clone, Debug)]
-pub struct OpenLoop(WheelSpeeds);
+pub struct OpenLoop {
+    wheels: WheelSpeeds,
+    swing: Swing,
+}
 
 impl OpenLoop {
     /// The law as a plan says.
     pub fn new(plan: &RobotPlan) -> Made<Self> {
-        Ok(OpenLoop(WheelSpeeds::new(plan)))
+        Ok(OpenLoop { wheels: WheelSpeeds::new(plan), swing: Swing::new(plan) })
     }
 }
 
@@ -48,13 +58,14 @@ impl Controller for OpenLoop {
     }
 
     fn limit_wheels(&mut self, limits: &WheelLimits) {
-        self.0.limit_rad_s = limits.speed_rad_s;
+        self.wheels.limit_rad_s = limits.speed_rad_s;
     }
 
     fn update(&mut self, time: &CycleTime, _: &PlatformState, setpoint: &Setpoint) -> Commands {
         // The reference's own heading: what isn't measured can't be wrong.
         let heading_rad = setpoint.odom_from_body.heading_rad;
-        self.0.commands(axes(&setpoint.twist_in_odom), heading_rad, 0.5 * time.period_s())
+        let forward = forward(setpoint, self.swing.lead_s(time, setpoint));
+        self.wheels.commands(forward, heading_rad, 0.5 * time.period_s())
     }
 }
 
@@ -62,6 +73,7 @@ impl Controller for OpenLoop {
 #[derive(Clone, Debug)]
 pub struct ClosedLoopSpeed {
     wheels: WheelSpeeds,
+    swing: Swing,
     limits: Limits,
     kp_1_s: [f64; 3],
 }
@@ -74,6 +86,7 @@ impl ClosedLoopSpeed {
     pub fn new(plan: &RobotPlan) -> Made<Self> {
         Ok(ClosedLoopSpeed {
             wheels: WheelSpeeds::new(plan),
+            swing: Swing::new(plan),
             limits: plan.limits,
             kp_1_s: plan.controller.kp_1_s.unwrap_or(KP_1_S),
         })
@@ -92,8 +105,7 @@ impl Controller for ClosedLoopSpeed {
     fn update(&mut self, time: &CycleTime, state: &PlatformState, setpoint: &Setpoint) -> Commands {
         let error = pose_error(&setpoint.odom_from_body, &state.odom_from_body);
         let lead_s = LEAD_PERIODS * time.period_s();
-        let (wished, acceleration) = (axes(&setpoint.twist_in_odom), axes(&setpoint.acceleration_in_odom));
-        let forward: [f64; 3] = std::array::from_fn(|axis| wished[axis] + lead_s * acceleration[axis]);
+        let forward = forward(setpoint, lead_s + self.swing.lead_s(time, setpoint));
         let speed: [f64; 3] = std::array::from_fn(|axis| forward[axis] + self.kp_1_s[axis] * error[axis]);
         let (speed, _) = within_speed(speed, &self.limits);
         self.wheels.commands(speed, state.odom_from_body.heading_rad, lead_s)

@@ -26,6 +26,9 @@ const STILL_GIVEN: f64 = 0.5;
 const LEAST_M_S: f64 = 0.02;
 /// For how long, s: a wheel that rings on a soft tread after a jerk looks so for 8 ms.
 const LASTING_S: f64 = 0.015;
+/// So many looks in a row say it of a wheel that was asked: a platform that swings on soft treads, or friction, may hide
+/// its push from two.
+const LOOKS: u32 = 3;
 /// A swing that tells something, over the least load of a wheel.
 const LEAST_SHARE: f64 = 1.5e-3;
 /// What forces leave unexplained of a rim's gain is forgotten by this rate while it grips, 1/s: the watch takes that long to tell.
@@ -52,7 +55,9 @@ impl Swings {
 struct Wheel {
     motor: Swings,
     floor: Swings,
-    /// For how long it turns alone, s, and whether it was told to the cycle before.
+    /// Whether it turns alone, after how many looks in a row that said so, for how long, s, and whether it was told to the cycle before.
+    is_alone: bool,
+    looks: u32,
     since_s: f64,
     was_told: bool,
 }
@@ -98,18 +103,36 @@ impl Alone {
         floor.take(floor_n, kept);
     }
 
-    /// Which wheels turn alone, and how far their rims are ahead: they gain so much more than forces give the platform, in body axes that
-    /// turn so fast, m/s² and rad/s.
-    pub(super) fn look(&mut self, more_m_s2: [f64; 2], turn_rad_s: f64, span_s: f64) {
+    /// Sees which wheels turn alone by what swings by itself.
+    pub(super) fn see(&mut self) {
         let greatest = self.wheels.iter().fold(0.0, |most: f64, wheel| most.max(wheel.motor.square));
         let least = self.least.max(PART * PART * greatest);
         for wheel in &mut self.wheels {
-            let Wheel { motor, floor, since_s, .. } = *wheel;
+            let Wheel { motor, floor, .. } = *wheel;
+            wheel.is_alone = motor.square > least && floor.square < REACHES * REACHES * motor.square;
+        }
+    }
+
+    /// Hears which do of those that were asked: by what each motor moves, of wheels of such a mass at their rims, kg.
+    pub(super) fn hear(&mut self, moved_kg: &[Option<f64>; MAX_WHEELS], wheel_kg: f64) {
+        for (wheel, moved_kg) in self.wheels.iter_mut().zip(moved_kg) {
+            if let Some(moved_kg) = moved_kg {
+                let says_so = (1.0 - REACHES) * moved_kg < wheel_kg;
+                wheel.looks = if says_so { wheel.looks.saturating_add(1) } else { 0 };
+                wheel.is_alone = wheel.looks >= LOOKS;
+            }
+        }
+    }
+
+    /// Which wheels turn alone for long enough, and how far their rims are ahead: they gain so much more than forces give the platform, in
+    /// body axes that turn so fast, m/s² and rad/s.
+    pub(super) fn look(&mut self, more_m_s2: [f64; 2], turn_rad_s: f64, span_s: f64) {
+        for wheel in &mut self.wheels {
+            let Wheel { floor, since_s, is_alone, .. } = *wheel;
             let is_given = floor.fast * floor.slow > STILL_GIVEN * floor.slow * floor.slow;
-            let is_alone =
-                is_given && motor.square > least && floor.square < REACHES * REACHES * motor.square;
             wheel.was_told = since_s >= LASTING_S;
-            wheel.since_s = if is_alone { since_s + span_s } else { 0.0 };
+            wheel.is_alone = is_alone && is_given;
+            wheel.since_s = if wheel.is_alone { since_s + span_s } else { 0.0 };
         }
         let any_slides = self.wheels.iter().any(|wheel| wheel.since_s >= LASTING_S);
         let keep = if any_slides { 1.0 } else { self.forgotten.kept(span_s) };
@@ -155,6 +178,7 @@ mod tests {
             let given_n = if is_sliding { 40.0 } else { 40.0 + swing_n * (1.0 - WHEEL_KG / (kg + WHEEL_KG)) };
             alone.take(0, 40.0 + swing_n, given_n, PERIOD_S);
             alone.take(1, 0.0, 0.0, PERIOD_S);
+            alone.see();
             alone.look(if is_sliding { [0.4, 0.0] } else { [0.0; 2] }, 0.0, PERIOD_S);
             assert!(alone.slide(1, &ROWS[1], 0.0, PERIOD_S).is_none(), "{t}");
             if let Some(slide) = alone.slide(0, &ROWS[0], 40.0, PERIOD_S) {
@@ -191,6 +215,7 @@ mod tests {
                 let swing_n = 10.0 * (0.075 * f64::from(cycle)).sin();
                 alone.take(0, 40.0 + swing_n, 40.0 + 0.95 * swing_n, PERIOD_S);
                 alone.take(1, 40.0 + part * swing_n, given_n(f64::from(cycle) * PERIOD_S), PERIOD_S);
+                alone.see();
                 alone.look([0.0; 2], 0.0, PERIOD_S);
             }
             alone.slide(1, &ROWS[1], 40.0, PERIOD_S).is_some()
@@ -207,6 +232,7 @@ mod tests {
         alone.look([f64::NAN, 0.0], 0.0, PERIOD_S);
         for cycle in 0..200 {
             alone.take(0, 40.0 + 3.0 * (0.075 * f64::from(cycle)).sin(), 40.0, PERIOD_S);
+            alone.see();
             alone.look([0.4, 0.0], 0.0, PERIOD_S);
         }
         let slide = alone.slide(0, &ROWS[0], 40.0, PERIOD_S).expect("it slides");

@@ -40,6 +40,8 @@ const PROVEN_LEFT: f64 = 0.1;
 /// For so long they must explain it, s: a slip is over by then, or stops the robot. Proven, none lasts so long.
 const LASTING_S: f64 = 0.15;
 const PROVEN_S: f64 = 0.02;
+/// A motion has begun only just for so long, s.
+const BEGINS_S: f64 = 0.5;
 /// A platform that stood for so long may have been loaded, and all begins anew, ns.
 const LOADED_NS: u64 = 1_000_000_000;
 /// Slower than this all wheels stand, m/s.
@@ -64,6 +66,8 @@ pub(super) struct WiringWatch {
     stood_ns: u64,
     /// For how long other wires explain the motion; time in which they don't counts back, s.
     explained_s: f64,
+    /// For how long a motion was looked at, s.
+    looked_s: f64,
     named: Option<usize>,
 }
 
@@ -91,6 +95,7 @@ impl WiringWatch {
             low_pass: Decay::new(LOW_PASS_1_S),
             stood_ns: 0,
             explained_s: 0.0,
+            looked_s: 0.0,
             named: None,
         }
     }
@@ -102,7 +107,8 @@ impl WiringWatch {
     }
 
     fn begin_anew(&mut self) {
-        (self.next, self.named, self.stood_ns, self.explained_s) = (0, None, 0, 0.0);
+        (self.next, self.named, self.stood_ns) = (0, None, 0);
+        (self.explained_s, self.looked_s) = (0.0, 0.0);
         for supposition in &mut self.suppositions {
             *supposition = Supposition::new(supposition.wiring, &self.platform);
         }
@@ -153,6 +159,7 @@ impl WiringWatch {
     }
 
     fn suppose(&mut self, period_s: f64) {
+        self.looked_s += period_s;
         let span_s = self.suppositions.len() as f64 * period_s;
         let of_file = self.suppositions[0].likelihood();
         let turn = self.next % self.suppositions.len();
@@ -198,6 +205,11 @@ impl WiringWatch {
             false => (true, LASTING_S),
         };
         (is_clear && of_file > least && is_explained && is_consistent).then_some((wheel, lasting_s))
+    }
+
+    /// Whether other wires may yet be why wheels slip: they explain the motion so far, or it has just begun.
+    pub(super) fn may_explain(&self) -> bool {
+        self.is_told && self.named.is_none() && (self.explained_s > 0.0 || self.looked_s < BEGINS_S)
     }
 
     /// The wheel that seems to be wired wrongly.

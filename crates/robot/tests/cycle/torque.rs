@@ -160,8 +160,9 @@ fn a_torque_above_its_limit_stops_when_it_lasts() {
     assert!(cycles_until_stop(&limited, |cycle| if cycle % 5 < 2 { 6.0 } else { 0.0 }).is_none());
     assert!(cycles_until_stop(&limited, |cycle| if cycle % 5 < 3 { 6.0 } else { 0.0 }).is_some());
     // A tenth of a higher limit.
-    assert!(cycles_until_stop(&with_limit(BMM, 14.0), |_| 15.3).is_none());
-    assert!(cycles_until_stop(&with_limit(BMM, 14.0), |_| 15.5).is_some());
+    let higher = with_limit(BMM, 14.0) + "\n[safety]\nslip_m = 1e6\n";
+    assert!(cycles_until_stop(&higher, |_| 15.3).is_none());
+    assert!(cycles_until_stop(&higher, |_| 15.5).is_some());
     let told = format!("{limited}wheel_torque_margin_nm = 1.0\nwheel_torque_time_ms = 10\n");
     assert!(cycles_until_stop(&told, |_| 2.9).is_none());
     assert_eq!(cycles_until_stop(&told, |_| 3.1).unwrap().0, 11);

@@ -109,6 +109,11 @@ fn patches_slopes_and_motors_are_refused_where_they_contradict_themselves() {
             "simulation.torque_ratio = 2 values: one for each wheel (allowed: 3 values)",
         ),
         (
+            "clock_drift_ppm = [5.0]",
+            "simulation.clock_drift_ppm = 1 values: one for each wheel (allowed: 3 values)",
+        ),
+        ("clock_drift_ppm = [0.0, 300.0, 0.0]", "simulation.clock_drift_ppm[1] = 300"),
+        (
             "turned_drives = [\"wheel_4\"]",
             "simulation.turned_drives = \"wheel_4\": no drive has this name; did you mean `wheel_3`? (allowed: wheel_1, wheel_2, wheel_3)",
         ),

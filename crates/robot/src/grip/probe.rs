@@ -1,0 +1,293 @@
+//! The floor is asked: laws of speed swing what they ask of the wheels by a small part, and a wheel whose push doesn't follow slides.
+//!
+//! A drive that holds a speed gives whatever that takes, so what a floor lacks looks like a lighter platform or a slope's help for as long
+//! as the motion stays. Asked for an acceleration a(t) the law adds p·a·cos(ω·t): a gripping wheel's push swings with its rim by the
+//! platform's mass, a sliding one's not at all (C.-A. de Coulomb). What swings is what a whole swing has in common with sine and cosine
+//! beside a straight line (W. C. Michels and N. L. Curtis, *Rev. Sci. Instrum.* 12, 1941), so neither a force nor its steady change tells.
+
+use std::f64::consts::{PI, TAU};
+
+use omnibase_platform::Twist2;
+
+use super::friction::DRY_M_S;
+use crate::config::{RobotPlan, find_object};
+use crate::signals::{CycleTime, MAX_WHEELS, Setpoint};
+
+/// The part of an acceleration that swings: a gripping wheel's push does on the softest treads by five times as much, within the margin
+/// that motions are planned with.
+const PART: f64 = 0.04;
+/// How long a swing takes at least, ns: slower than what counts as ringing, 20 Hz.
+const SWING_NS: u64 = 56_000_000;
+/// So many looks begin within a swing, one after the other.
+const LOOKS: usize = 4;
+/// A rim that is asked for less tells nothing, m/s²; nor one that is asked for less than this part of what the most is, for what all of
+/// them move moves it too; nor does one that follows by less than this part.
+const LEAST_M_S2: f64 = 0.02;
+const OF_MOST: f64 = 0.5;
+const FOLLOWS: f64 = 0.5;
+/// Wheels slide only where their platform is pushed by less than this part of what is believed that it takes.
+const PUSHED: f64 = 0.5;
+
+/// Sine beside a straight line: what they have in common over a swing, u from −1/2 to 1/2, is taken out, and what is left is scaled so that it
+/// finds a sine's amplitude as the cosine does.
+const LINE: f64 = 6.0 / PI;
+const SCALE: f64 = 1.0 / (1.0 - 6.0 / (PI * PI));
+
+/// Cycles of a swing: a multiple of the looks.
+fn cycles(period_ns: u64) -> u64 {
+    let looks = LOOKS as u64;
+    looks * SWING_NS.div_ceil(looks * period_ns.max(1))
+}
+
+/// Where in its swing the cycle with an index is, over the whole.
+fn place(index: u64, cycles: u64) -> f64 {
+    ((index % cycles) as f64 + 0.5) / cycles as f64
+}
+
+/// What a law of speed asks for beside its speeds.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Swing {
+    is_heard: bool,
+    /// For how many cycles the setpoint has moved: a motion is driven alike whenever it begins.
+    moved: u64,
+}
+
+impl Swing {
+    /// Nothing where a drive doesn't tell its torque.
+    pub(crate) fn new(plan: &RobotPlan) -> Self {
+        Swing { is_heard: are_torques_told(plan), moved: 0 }
+    }
+
+    /// The setpoint's acceleration for so long, s; in each cycle once.
+    pub(crate) fn lead_s(&mut self, time: &CycleTime, setpoint: &Setpoint) -> f64 {
+        let Setpoint { twist_in_odom, acceleration_in_odom, .. } = setpoint;
+        let rests = [twist_in_odom, acceleration_in_odom].into_iter().all(|one| *one == Twist2::default());
+        self.moved = if rests { 0 } else { self.moved.wrapping_add(1) };
+        if self.is_heard { swing_s(self.moved, time) } else { 0.0 }
+    }
+}
+
+/// Whether every drive tells its torque.
+pub(super) fn are_torques_told(plan: &RobotPlan) -> bool {
+    plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some())
+}
+
+fn swing_s(index: u64, time: &CycleTime) -> f64 {
+    let cycles = cycles(time.period_ns);
+    PART * cycles as f64 * time.period_s() / TAU * (TAU * place(index, cycles)).sin()
+}
+
+/// What a wheel showed in a cycle.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Rim {
+    /// What the setpoint's acceleration is along it, and what it gains, m/s².
+    pub(super) wished_m_s2: f64,
+    pub(super) gains_m_s2: f64,
+    /// How fast it is, m/s, and what its motor pushes it with, N.
+    pub(super) rim_m_s: f64,
+    pub(super) motor_n: f64,
+}
+
+/// What the platform showed in a cycle along the acceleration that it is asked for, N: what all motors push it with, and what its acceleration
+/// needs by what is believed of it.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Along {
+    pub(super) pushed_n: f64,
+    pub(super) needed_n: f64,
+}
+
+/// A rim's swings over a look: each with cosine and sine.
+#[derive(Clone, Copy, Debug, Default)]
+struct Swings {
+    /// In how many cycles it turned forwards less those in which it turned backwards: dry friction changes where it turns back.
+    forwards: i64,
+    wished: [f64; 2],
+    gains: [f64; 2],
+    motor: [f64; 2],
+}
+
+#[derive(Clone, Copy, Debug, Default)]
+struct Look {
+    taken: u64,
+    pushed: [f64; 2],
+    needed: [f64; 2],
+    wheels: [Swings; MAX_WHEELS],
+}
+
+/// The watch.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Probe {
+    looks: [Look; LOOKS],
+}
+
+impl Probe {
+    /// Nothing is known of what was before.
+    pub(super) fn forget(&mut self) {
+        self.looks = Default::default();
+    }
+
+    /// Takes in a cycle; for each wheel that a look has ended on, what its motor moves with its rim, kg.
+    pub(super) fn look(
+        &mut self,
+        time: &CycleTime,
+        rims: &[Rim],
+        along: &Along,
+    ) -> [Option<f64>; MAX_WHEELS] {
+        let mut moved_kg = [None; MAX_WHEELS];
+        // Of what swings only the size is looked at: this one's place needn't be the law's.
+        let cycles = cycles(time.period_ns);
+        let place = place(time.index, cycles);
+        let (mut sin, mut cos) = (TAU * place).sin_cos();
+        let asked = PART * cos;
+        for (at, look) in self.looks.iter_mut().enumerate() {
+            let index = (time.index + at as u64 * (cycles / LOOKS as u64)) % cycles;
+            if index == 0 {
+                *look = Look::default();
+            }
+            look.taken += 1;
+            // A look's middle is half a swing after its begin; the next look is a quarter further.
+            let u = (index as f64 + 0.5) / cycles as f64 - 0.5;
+            let with = [-cos, SCALE * (-sin - LINE * u)];
+            (sin, cos) = (cos, -sin);
+            add(&mut look.pushed, along.pushed_n, with);
+            add(&mut look.needed, along.needed_n, with);
+            for (swings, rim) in look.wheels.iter_mut().zip(rims) {
+                let Swings { forwards, wished, gains, motor } = swings;
+                *forwards += i64::from(rim.rim_m_s > DRY_M_S) - i64::from(rim.rim_m_s < -DRY_M_S);
+                add(wished, asked * rim.wished_m_s2, with);
+                add(gains, rim.gains_m_s2, with);
+                add(motor, rim.motor_n, with);
+            }
+            if index + 1 == cycles && look.taken == cycles {
+                moved_kg = look.moved_kg(cycles);
+            }
+        }
+        moved_kg
+    }
+}
+
+/// Adds what a value has in common with cosine and sine.
+fn add(sums: &mut [f64; 2], value: f64, with: [f64; 2]) {
+    sums.iter_mut().zip(with).for_each(|(sum, with)| *sum += with * value);
+}
+
+impl Look {
+    /// What each motor moves with its rim, kg; `None` where that says nothing, and all there is where the platform is pushed as is
+    /// believed: then one motor pushes less because another one, or a friction, does its part.
+    fn moved_kg(&self, cycles: u64) -> [Option<f64>; MAX_WHEELS] {
+        let size = |sums: [f64; 2]| 2.0 / cycles as f64 * omnibase_platform::length(sums);
+        if size(self.pushed) > PUSHED * size(self.needed) {
+            return [Some(f64::MAX); MAX_WHEELS];
+        }
+        let most = self.wheels.iter().fold(0.0, |most: f64, swings| most.max(size(swings.wished)));
+        self.wheels.map(|Swings { forwards, wished, gains, motor }| {
+            let [wished, gains, motor] = [wished, gains, motor].map(size);
+            let turns_on = forwards.unsigned_abs() == cycles;
+            let tells = turns_on && wished > LEAST_M_S2.max(OF_MOST * most) && gains > FOLLOWS * wished;
+            tells.then(|| motor / gains).filter(|kg| kg.is_finite())
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const PERIOD_NS: u64 = 1_000_000;
+
+    /// What two rims were said to move over a second, kg: a motor's force as a world makes it of time and of what the first rim gains, that
+    /// begins to be asked for an acceleration at 0.1 s; the second is asked for a part of it.
+    fn told(asked_m_s2: f64, part: f64, world: impl Fn(f64, f64) -> f64) -> [Vec<f64>; 2] {
+        let mut probe = Probe::default();
+        let mut told = [vec![], vec![]];
+        let mut before_s = 0.0;
+        for index in 0..1000 {
+            let time = CycleTime::on_grid(index, PERIOD_NS);
+            let t = 1e-3 * index as f64;
+            let wished_m_s2 = if t < 0.1 { 0.0 } else { asked_m_s2 };
+            // The speed that is asked for beside the motion's, and so what it gains.
+            let gains_m_s2 = wished_m_s2 * (1.0 + 1e3 * (swing_s(index, &time) - before_s));
+            before_s = swing_s(index, &time);
+            let mut rims = [Rim::default(); MAX_WHEELS];
+            rims[0] = Rim { wished_m_s2, gains_m_s2, rim_m_s: 0.5, motor_n: world(t, gains_m_s2) };
+            let [wished_m_s2, gains_m_s2] = [part * wished_m_s2, part * gains_m_s2];
+            rims[1] = Rim { wished_m_s2, gains_m_s2, rim_m_s: 0.5, motor_n: world(t, gains_m_s2) };
+            let moved_kg = probe.look(&time, &rims, &Along::default());
+            told.iter_mut().zip(moved_kg).for_each(|(told, kg)| told.extend(kg.filter(|_| t > 0.2)));
+        }
+        told
+    }
+
+    #[test]
+    fn a_motor_is_found_to_move_what_its_rim_takes_with_it() {
+        let [grips, _] = told(1.5, 0.0, |_, gains| 37.0 * gains + 12.0);
+        assert!(grips.len() > 50 && grips.iter().all(|kg| (kg - 37.0).abs() < 1e-6), "{grips:?}");
+        // A floor that gives 60 N, its load shifting by 100 N in a second.
+        let [slides, _] = told(1.5, 0.0, |t, gains| 60.0 + 100.0 * t + 2.0 * gains);
+        assert!(slides.len() > 50 && slides.iter().all(|kg| (kg - 2.0).abs() < 0.1), "{slides:?}");
+    }
+
+    #[test]
+    fn who_is_asked_for_little_says_nothing() {
+        assert!(told(0.4, 0.0, |_, gains| 2.0 * gains)[0].is_empty());
+        let seconds = [0.4, 0.6].map(|part| told(1.5, part, |_, gains| 2.0 * gains)[1].len());
+        assert!(seconds[0] == 0 && seconds[1] > 50, "{seconds:?}");
+        // A rim that doesn't follow, as where its motor is at its limit.
+        let mut probe = Probe::default();
+        for index in 0..1000 {
+            let time = CycleTime::on_grid(index, PERIOD_NS);
+            let rim = Rim { wished_m_s2: 1.5, gains_m_s2: 1.5, rim_m_s: 0.5, motor_n: 60.0 };
+            assert_eq!(probe.look(&time, &[rim; MAX_WHEELS], &Along::default()), [None; MAX_WHEELS]);
+        }
+    }
+
+    #[test]
+    fn a_wheel_that_turns_back_says_nothing_for_dry_friction_turns_with_it() {
+        let mut probe = Probe::default();
+        let mut told_s = vec![];
+        for index in 0..1000 {
+            let time = CycleTime::on_grid(index, PERIOD_NS);
+            let t = 1e-3 * index as f64;
+            let gains_m_s2 = -1.5 + 1.5 * PART * (TAU * place(index, cycles(PERIOD_NS))).cos();
+            let rim = Rim { wished_m_s2: -1.5, gains_m_s2, rim_m_s: 0.75 - 1.5 * t, motor_n: gains_m_s2 };
+            if probe.look(&time, &[rim; MAX_WHEELS], &Along::default())[0].is_some() {
+                told_s.push(t);
+            }
+        }
+        assert!(told_s.iter().all(|t| !(0.498..0.555).contains(t)) && told_s.len() > 55, "{told_s:?}");
+    }
+
+    #[test]
+    fn what_is_no_number_says_nothing_and_is_forgotten_after_a_swing() {
+        let spoils = |t: f64, gains: f64| if t == 0.5 { f64::NAN } else { 37.0 * gains };
+        let [told_kg, _] = told(1.5, 0.0, spoils);
+        assert!(told_kg.len() > 40 && told_kg.iter().all(|kg| (kg - 37.0).abs() < 1e-6), "{told_kg:?}");
+    }
+
+    #[test]
+    fn a_motion_swings_alike_whenever_it_begins() {
+        let swings = |begins: u64| {
+            let mut swing = Swing { is_heard: true, moved: 0 };
+            let of_cycle = |index: u64| {
+                let twist_in_odom = Twist2::new(if index < begins { 0.0 } else { 0.3 }, 0.0, 0.0);
+                let setpoint = Setpoint { twist_in_odom, ..Setpoint::default() };
+                swing.lead_s(&CycleTime::on_grid(index, PERIOD_NS), &setpoint)
+            };
+            (0..begins + 200).map(of_cycle).skip(begins as usize).collect::<Vec<_>>()
+        };
+        assert_eq!(swings(3), swings(41));
+        assert!(swings(3).iter().any(|lead_s| *lead_s > 3e-4));
+    }
+
+    #[test]
+    fn a_swing_is_slower_than_ringing_and_swings_by_a_part() {
+        for period_ns in [125_000, 250_000, 500_000, 1_000_000, 2_000_000, 3_000_000, 4_000_000] {
+            let half_ns = cycles(period_ns) * period_ns / 2;
+            assert!((26_000_000..34_000_000).contains(&half_ns), "{period_ns}: {half_ns}");
+        }
+        let swings = (0..56).map(|index| swing_s(index, &CycleTime::on_grid(index, PERIOD_NS)));
+        let most_s = swings.fold(0.0, f64::max);
+        // 0.04 of it for 56 ms/2π.
+        assert!((most_s - 0.04 * 0.056 / TAU).abs() < 1e-6, "{most_s}");
+    }
+}
