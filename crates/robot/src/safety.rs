@@ -48,7 +48,7 @@ pub struct SafetyChain {
 /// Nearer than this to the plan a platform that gave way has caught up with it, m.
 const CAUGHT_UP_M: f64 = 1e-3;
 /// While other wires may be why wheels slip, they may slip so many times as far: the watch of wires takes 0.15 s to be sure.
-const SLIP_BY_WIRES: f64 = 5.0;
+const SLIP_BY_WIRES: f64 = 6.0;
 
 /// What a check objects to: what to do, why, and about which wheel or stage.
 type Objection = Option<(SafetyAction, SafetyReason, u64)>;

@@ -34,6 +34,7 @@ const MARGIN: f64 = 10.0;
 const LAG: f64 = 1.0 / (0.01 * 0.01);
 /// Of what sensors are off beyond chance a clock explains so much.
 const EXPLAINED: f64 = 0.5;
+
 /// What kinds of flaws there are, in the order of what is usual and remembered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 enum FlawKind {
