@@ -270,7 +270,9 @@ impl Robot {
             let heading_rad = record.setpoint.odom_from_body.heading_rad;
             let acceleration = record.setpoint.acceleration_in_odom.rotated(-heading_rad);
             let by_torque = record.allowed.commands.quantity == Quantity::Torque;
-            Wished { acceleration: omnibase_platform::axes(&acceleration), by_torque, time: record.time }
+            let asks_floor = self.controllers[self.active].asks_floor();
+            let acceleration = omnibase_platform::axes(&acceleration);
+            Wished { acceleration, by_torque, asks_floor, time: record.time }
         });
         let turn_rad_s = self.safety_plan.gyro_input.and_then(|input| record.signals.believed(input));
         let turn_rad_s = turn_rad_s.filter(|turn_rad_s| turn_rad_s.is_finite());

@@ -111,6 +111,8 @@ pub(crate) struct Wished {
     pub(crate) acceleration: [f64; 3],
     /// Whether torques are commanded.
     pub(crate) by_torque: bool,
+    /// Whether the law swings what it asks for.
+    pub(crate) asks_floor: bool,
     /// The cycle in which.
     pub(crate) time: CycleTime,
 }
@@ -139,11 +141,6 @@ impl Wheel {
     /// Whether it says nothing of the platform's motion.
     fn is_loose(&self) -> bool {
         self.slips || self.slide.is_some()
-    }
-
-    /// Whether its motor is what pushes the floor so, N: what the floor turns by itself is no slide.
-    fn drives(&self, push_n: f64) -> bool {
-        self.force_n * push_n.signum() > LEAST_N
     }
 }
 
@@ -353,10 +350,16 @@ impl Grip {
         let change = self.sliding.change(wished.acceleration, motion.acceleration, span_s);
         for (at, wheel) in self.wheels.iter_mut().enumerate().take(count) {
             let slide = self.sliding.look(at, &change, wheel.rim_m_s, pushes_n[at], span_s);
-            wheel.slide = slide.filter(|_| wheel.drives(pushes_n[at]));
+            // What the floor turns by itself is no slide: a motor that pushes the other way, or not at all, makes none.
+            wheel.slide = slide.filter(|_| wheel.force_n * pushes_n[at].signum() > LEAST_N);
         }
         let shown = self.pushed(motion, &pushes_n[..count]);
-        self.ask(&wished, motion, &shown, &pushes_n);
+        // By speed nothing swings by itself.
+        if wished.by_torque || wished.asks_floor {
+            self.ask(&wished, motion, &shown, &pushes_n);
+        } else {
+            self.alone.forget();
+        }
         let told = self.steady.look(&shown, span_s);
         let is_told = told.is_some();
         let any_slides = self.wheels.iter().any(|wheel| wheel.slide.is_some());
@@ -396,8 +399,7 @@ impl Grip {
         }
         self.alone.look(more_m_s2, motion.turn_rad_s, span_s);
         for (at, (wheel, row)) in self.wheels.iter_mut().zip(self.kinematics.matrix()).enumerate() {
-            let slide = self.alone.slide(at, row, wheel.force_n, span_s);
-            wheel.slide = wheel.slide.or(slide.filter(|_| wheel.drives(pushes_n[at])));
+            wheel.slide = wheel.slide.or(self.alone.slide(at, row, wheel.force_n, span_s));
         }
     }
 

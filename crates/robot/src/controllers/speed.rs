@@ -57,6 +57,10 @@ impl Controller for OpenLoop {
         Quantity::Speed
     }
 
+    fn asks_floor(&self) -> bool {
+        self.swing.asks()
+    }
+
     fn limit_wheels(&mut self, limits: &WheelLimits) {
         self.wheels.limit_rad_s = limits.speed_rad_s;
     }
@@ -96,6 +100,10 @@ impl ClosedLoopSpeed {
 impl Controller for ClosedLoopSpeed {
     fn quantity(&self) -> Quantity {
         Quantity::Speed
+    }
+
+    fn asks_floor(&self) -> bool {
+        self.swing.asks()
     }
 
     fn limit_wheels(&mut self, limits: &WheelLimits) {

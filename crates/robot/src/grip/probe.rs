@@ -58,6 +58,11 @@ impl Swing {
         Swing { is_heard: are_torques_told(plan), moved: 0 }
     }
 
+    /// Whether it swings anything.
+    pub(crate) fn asks(&self) -> bool {
+        self.is_heard
+    }
+
     /// The setpoint's acceleration for so long, s; in each cycle once.
     pub(crate) fn lead_s(&mut self, time: &CycleTime, setpoint: &Setpoint) -> f64 {
         let Setpoint { twist_in_odom, acceleration_in_odom, .. } = setpoint;
