@@ -399,7 +399,9 @@ impl Grip {
         }
         self.alone.look(more_m_s2, motion.turn_rad_s, span_s);
         for (at, (wheel, row)) in self.wheels.iter_mut().zip(self.kinematics.matrix()).enumerate() {
-            wheel.slide = wheel.slide.or(self.alone.slide(at, row, wheel.force_n, span_s));
+            let slide = self.alone.slide(at, row, wheel.force_n, span_s);
+            let is_driven = wished.by_torque || wheel.force_n * pushes_n[at].signum() > LEAST_N;
+            wheel.slide = wheel.slide.or(slide.filter(|_| is_driven));
         }
     }
 
