@@ -142,6 +142,12 @@ impl Wheel {
     fn is_loose(&self) -> bool {
         self.slips || self.slide.is_some()
     }
+
+    /// Whether its motor is what makes it push the floor so, N: what the floor turns by itself is no slide, and a motor that pushes the other
+    /// way, or not at all, makes none.
+    fn drives(&self, push_n: f64) -> bool {
+        self.force_n * push_n.signum() > LEAST_N
+    }
 }
 
 impl Grip {
@@ -166,7 +172,7 @@ impl Grip {
             loads: Loads::new(&plan.kinematics),
             filter: Decay::new(FILTER_1_S),
             drawn: Decay::new(DRAWN_1_S),
-            is_told: probe::are_torques_told(plan),
+            is_told: plan.tells_torques(),
             wheel_kg: wheel_kg(plan, first.mass.0),
             rim_share,
             told_kg: plan.controller.mass_kg.or(plan.mass_kg).unwrap_or(first.mass.0),
@@ -350,8 +356,7 @@ impl Grip {
         let change = self.sliding.change(wished.acceleration, motion.acceleration, span_s);
         for (at, wheel) in self.wheels.iter_mut().enumerate().take(count) {
             let slide = self.sliding.look(at, &change, wheel.rim_m_s, pushes_n[at], span_s);
-            // What the floor turns by itself is no slide: a motor that pushes the other way, or not at all, makes none.
-            wheel.slide = slide.filter(|_| wheel.force_n * pushes_n[at].signum() > LEAST_N);
+            wheel.slide = slide.filter(|_| wheel.drives(pushes_n[at]));
         }
         let shown = self.pushed(motion, &pushes_n[..count]);
         // By speed nothing swings by itself.
@@ -400,7 +405,8 @@ impl Grip {
         self.alone.look(more_m_s2, motion.turn_rad_s, span_s);
         for (at, (wheel, row)) in self.wheels.iter_mut().zip(self.kinematics.matrix()).enumerate() {
             let slide = self.alone.slide(at, row, wheel.force_n, span_s);
-            let is_driven = wished.by_torque || wheel.force_n * pushes_n[at].signum() > LEAST_N;
+            // By torque a motor's own swing tells it, and the floor may push a wheel that turns alone either way.
+            let is_driven = wished.by_torque || wheel.drives(pushes_n[at]);
             wheel.slide = wheel.slide.or(slide.filter(|_| is_driven));
         }
     }

@@ -202,8 +202,7 @@ impl SafetyChain {
     /// What a slipping wheel counts is no way of the platform: it isn't where it is believed to be.
     fn slip(&self, view: &SafetyView<'_>) -> Objection {
         // By speed a wheel that is wired backwards slips as well, or makes others slip: that it is wired so says more.
-        let is_by_speed = view.commands.quantity == Quantity::Speed;
-        let waits = is_by_speed && self.wiring.may_explain();
+        let waits = !self.is_by_torque(view) && self.wiring.may_explain();
         let most_m = self.plan.slip_m * if waits { SLIP_BY_WIRES } else { 1.0 };
         let wheel = view.grip.slipped_m.iter().position(|way_m| *way_m > most_m)?;
         Some((SafetyAction::Stop(self.plan.slip_stop), SafetyReason::WheelSlip, wheel as u64))

@@ -1,7 +1,8 @@
 //! What happens to the simulated robot by time: it comes when it should, does what it should, and is told.
 
+use omnibase_run::simulated;
 use omnibase_trials::framed::{Tracked, track_and_look};
-use omnibase_trials::robots;
+use omnibase_trials::{plan_of, robots};
 
 /// The BMM on the spot, or on a path, with events.
 fn run(reference: &str, events: &str) -> Tracked {
@@ -111,6 +112,9 @@ fn patches_slopes_and_weak_motors_of_the_file_reach_the_machine() {
     assert_eq!((motor.torque_ratio, motor.waves.cogging_n_m, motor.waves.cogging_per_turn), (0.9, 0.1, 72.0));
     assert_eq!((motor.waves.ripple, motor.waves.ripple_per_turn), (0.02, 48.0));
     assert!(machine.body().wheels().iter().any(|wheel| wheel.deflection_m[0] != 0.0));
+    let clocks = format!("{}\nclock_drift_ppm = [0.0, 5.0, -3.0]\n", robots::BMM);
+    let stations = simulated::description(&plan_of(&clocks)).drives;
+    assert_eq!(stations.iter().map(|one| one.piece.dc_drift_ppm).collect::<Vec<_>>(), [0.0, 5.0, -3.0]);
     // Held on the slope by its motors.
     assert!(machine.greatest_torques_n_m().iter().all(|torque| *torque > 0.1));
 }

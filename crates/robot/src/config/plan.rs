@@ -15,6 +15,7 @@ use super::grip_tables::GripPlan;
 use super::guard_tables::AvoidanceKind;
 use super::joystick::JoystickTable;
 use super::map_tables::MapTable;
+use super::mapping;
 use super::reference_table::ReferenceTable;
 use super::run_tables::{BridgeTable, RecordingPlan, RunTable};
 use super::sensor_tables::SensorPlan;
@@ -96,6 +97,11 @@ impl RobotPlan {
             .map(|dc| dc.last_beat_ns(self.bus.cycle_ns, self.bus.frame_ns()))
             .max()
             .unwrap_or(self.bus.cycle_ns)
+    }
+
+    /// Whether every drive maps the torque that its motor gives (0x6077).
+    pub(crate) fn tells_torques(&self) -> bool {
+        self.drives.iter().all(|drive| mapping::find(&drive.inputs, 0x6077, 0).is_some())
     }
 
     /// What a cycle's record of this robot holds.

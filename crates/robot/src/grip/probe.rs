@@ -10,7 +10,7 @@ use std::f64::consts::{PI, TAU};
 use omnibase_platform::Twist2;
 
 use super::friction::DRY_M_S;
-use crate::config::{RobotPlan, find_object};
+use crate::config::RobotPlan;
 use crate::signals::{CycleTime, MAX_WHEELS, Setpoint};
 
 /// The part of an acceleration that swings: a gripping wheel's push does on the softest treads by five times as much, within the margin
@@ -55,7 +55,7 @@ pub(crate) struct Swing {
 impl Swing {
     /// Nothing where a drive doesn't tell its torque.
     pub(crate) fn new(plan: &RobotPlan) -> Self {
-        Swing { is_heard: are_torques_told(plan), moved: 0 }
+        Swing { is_heard: plan.tells_torques(), moved: 0 }
     }
 
     /// Whether it swings anything.
@@ -70,11 +70,6 @@ impl Swing {
         self.moved = if rests { 0 } else { self.moved.wrapping_add(1) };
         if self.is_heard { swing_s(self.moved, time) } else { 0.0 }
     }
-}
-
-/// Whether every drive tells its torque.
-pub(super) fn are_torques_told(plan: &RobotPlan) -> bool {
-    plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some())
 }
 
 fn swing_s(index: u64, time: &CycleTime) -> f64 {

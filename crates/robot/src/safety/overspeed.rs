@@ -2,7 +2,7 @@
 //!
 //! What turns a wheel from outside, a push or a slope, does it against the motor, or without it.
 
-use crate::config::{RobotPlan, find_object, rated_nm};
+use crate::config::{RobotPlan, rated_nm};
 use crate::signals::{Exchange, MAX_WHEELS, Quantity};
 use crate::stages::SafetyView;
 
@@ -25,11 +25,7 @@ pub(super) struct OverspeedWatch {
 
 impl OverspeedWatch {
     pub(super) fn new(plan: &RobotPlan) -> Self {
-        OverspeedWatch {
-            rated_nm: rated_nm(plan),
-            is_told: plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some()),
-            driven_ns: [0; MAX_WHEELS],
-        }
+        OverspeedWatch { rated_nm: rated_nm(plan), is_told: plan.tells_torques(), driven_ns: [0; MAX_WHEELS] }
     }
 
     /// Nothing was measured yet.

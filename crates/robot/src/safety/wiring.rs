@@ -8,7 +8,7 @@
 
 mod supposition;
 
-use crate::config::{RobotPlan, find_object};
+use crate::config::RobotPlan;
 use crate::decay::Decay;
 use crate::grip::FirstEstimates;
 use crate::signals::{Exchange, MAX_WHEELS, ReferenceStatus};
@@ -84,8 +84,7 @@ impl WiringWatch {
             *radius_m = wheel.radius_m;
         }
         WiringWatch {
-            is_told: wheels >= LEAST_WHEELS
-                && plan.drives.iter().all(|drive| find_object(&drive.inputs, 0x6077, 0).is_some()),
+            is_told: wheels >= LEAST_WHEELS && plan.tells_torques(),
             suppositions: ways.map(|wiring| Supposition::new(wiring, &platform)).collect(),
             platform,
             radius_m,
