@@ -28,7 +28,7 @@ use floor::Floor;
 use friction::{DRY_M_S, WheelFriction};
 use identification::{Identification, Motion, Watched};
 use loads::Loads;
-use probe::{Along, Probe, Rim};
+use probe::{Along, Extent, Probe, Rim};
 use sliding::{Slide, Sliding};
 use steady::{Shown, Steady};
 
@@ -73,6 +73,7 @@ pub(crate) struct Grip {
     steady: Steady,
     alone: Alone,
     probe: Probe,
+    extent: Extent,
     filter: Decay,
     drawn: Decay,
     /// Whether every drive tells its torque: without that nothing is known.
@@ -168,6 +169,7 @@ impl Grip {
             steady: Steady::new(weighed_kg.max(bounded_kg)),
             alone: Alone::new(first.mass.1[0] * GRAVITY_M_S2 / plan.kinematics.wheel_count() as f64),
             probe: Probe::default(),
+            extent: Extent::new(plan),
             friction,
             loads: Loads::new(&plan.kinematics),
             filter: Decay::new(FILTER_1_S),
@@ -387,20 +389,21 @@ impl Grip {
         let (more_m_s2, span_s) = (self.unexplained(motion, shown), motion.period_s);
         let mut rims = [Rim::default(); MAX_WHEELS];
         let rows = self.kinematics.matrix().iter().zip(pushes_n);
+        let part = self.extent.part(wished.acceleration);
+        let needed = self.needed(motion, shown.learnt_kg);
         for (at, ((rim, wheel), (row, push_n))) in rims.iter_mut().zip(&self.wheels).zip(rows).enumerate() {
-            let wished_m_s2 = row.iter().zip(wished.acceleration).map(|(row, axis)| row * axis).sum();
+            let along_m_s2: f64 = row.iter().zip(wished.acceleration).map(|(row, axis)| row * axis).sum();
             let Wheel { rim_m_s, gains_m_s2, force_n: motor_n, .. } = *wheel;
-            *rim = Rim { wished_m_s2, gains_m_s2, rim_m_s, motor_n };
+            let needed_n = needed.map_or(0.0, |wrench| self.sliding.share_n(at, wrench));
+            *rim = Rim { asked_m_s2: part * along_m_s2, gains_m_s2, rim_m_s, motor_n, needed_n };
             self.alone.take(at, motor_n, *push_n, span_s);
         }
         if wished.by_torque {
             self.alone.see();
         } else {
+            let rims = &rims[..self.kinematics.wheel_count()];
             let along = self.along(&wished.acceleration, motion);
-            self.alone.hear(
-                &self.probe.look(&wished.time, &rims[..self.kinematics.wheel_count()], &along),
-                self.wheel_kg,
-            );
+            self.alone.hear(&self.probe.look(&wished.time, rims, &along), self.wheel_kg);
         }
         self.alone.look(more_m_s2, motion.turn_rad_s, span_s);
         for (at, (wheel, row)) in self.wheels.iter_mut().zip(self.kinematics.matrix()).enumerate() {
@@ -409,6 +412,15 @@ impl Grip {
             let is_driven = wished.by_torque || wheel.drives(pushes_n[at]);
             wheel.slide = wheel.slide.or(slide.filter(|_| is_driven));
         }
+    }
+
+    /// The wrench that the rims' acceleration takes by what was learnt, of a platform that weighs so much at least, kg; `None` where
+    /// wheels may do each other's part of it.
+    fn needed(&self, motion: &Motion, least_kg: f64) -> Option<[f64; 3]> {
+        let dynamics = self.identification.dynamics();
+        let sure = (least_kg / dynamics.mass_kg).clamp(0.0, 1.0);
+        let wrench = dynamics.wrench(motion.acceleration, motion.turn_rad_s);
+        (self.kinematics.wheel_count() <= wrench.len()).then(|| wrench.map(|part| sure * part))
     }
 
     /// What pushes the platform along an acceleration that it is asked for, and what its rims' acceleration needs by what was learnt.

@@ -287,7 +287,7 @@ pub trait Controller: Send {
         Quantity::Speed
     }
 
-    /// Whether it swings the acceleration that it asks for, by 0.04 of it at 18 Hz: a wheel whose push doesn't follow slips then.
+    /// Whether it swings the acceleration that it asks for, at 18 Hz by 0.04 of it, or up to 0.4: a wheel whose push doesn't follow slips then.
     fn asks_floor(&self) -> bool {
         false
     }

@@ -5,6 +5,7 @@
 //! wheels': no mass, friction or slope need be known. A law of torque swings by itself where it answers to wheels that slide, and where a
 //! motion begins; a drive that holds a speed gives whatever that takes, and tells nothing so.
 
+use super::probe::Moved;
 use super::sliding::Slide;
 use crate::decay::Decay;
 use crate::signals::MAX_WHEELS;
@@ -27,8 +28,14 @@ const LEAST_M_S: f64 = 0.02;
 /// For how long, s: a wheel that rings on a soft tread after a jerk looks so for 8 ms.
 const LASTING_S: f64 = 0.015;
 /// So many looks in a row say it of a wheel that was asked: a platform that swings on soft treads, or friction, may hide
-/// its push from two.
+/// its push from two, and one that rings on them all but hides it from more.
 const LOOKS: u32 = 3;
+const LOOKS_GIVEN: u32 = 8;
+/// One that no other wheel can stand in for slides where its motor moves less than this part of what it moved if it gripped: what slides is
+/// given a little more where it slides faster. A tread of k N/m and so little damping that it looks as light, k/(m·ω² − k) of m, pushes
+/// back as its rim goes on, by more than this part.
+const GIVEN: f64 = 0.25;
+const AGAINST: f64 = 0.05;
 /// A swing that tells something, over the least load of a wheel.
 const LEAST_SHARE: f64 = 1.5e-3;
 /// What forces leave unexplained of a rim's gain is forgotten by this rate while it grips, 1/s: the watch takes that long to tell.
@@ -55,9 +62,10 @@ impl Swings {
 struct Wheel {
     motor: Swings,
     floor: Swings,
-    /// Whether it turns alone, after how many looks in a row that said so, for how long, s, and whether it was told to the cycle before.
+    /// Whether it turns alone, after how many looks in a row that said so, and that said that it is given little, for how long, s, and whether it was told to the cycle before.
     is_alone: bool,
     looks: u32,
+    looks_given: u32,
     since_s: f64,
     was_told: bool,
 }
@@ -114,12 +122,15 @@ impl Alone {
     }
 
     /// Hears which do of those that were asked: by what each motor moves, of wheels of such a mass at their rims, kg.
-    pub(super) fn hear(&mut self, moved_kg: &[Option<f64>; MAX_WHEELS], wheel_kg: f64) {
-        for (wheel, moved_kg) in self.wheels.iter_mut().zip(moved_kg) {
-            if let Some(moved_kg) = moved_kg {
-                let says_so = (1.0 - REACHES) * moved_kg < wheel_kg;
-                wheel.looks = if says_so { wheel.looks.saturating_add(1) } else { 0 };
-                wheel.is_alone = wheel.looks >= LOOKS;
+    pub(super) fn hear(&mut self, moved: &[Option<Moved>; MAX_WHEELS], wheel_kg: f64) {
+        for (wheel, moved) in self.wheels.iter_mut().zip(moved) {
+            if let Some(Moved { kg, along_kg, needed_kg, is_pushed }) = *moved {
+                let turns_alone = !is_pushed && (1.0 - REACHES) * kg < wheel_kg;
+                let is_given_little = kg < GIVEN * needed_kg && along_kg > -AGAINST * needed_kg;
+                let in_a_row = |looks: u32, says_so: bool| if says_so { looks.saturating_add(1) } else { 0 };
+                wheel.looks = in_a_row(wheel.looks, turns_alone);
+                wheel.looks_given = in_a_row(wheel.looks_given, is_given_little);
+                wheel.is_alone = wheel.looks >= LOOKS || wheel.looks_given >= LOOKS_GIVEN;
             }
         }
     }
@@ -223,6 +234,34 @@ mod tests {
         assert!(!is_told(0.2, &|_| 40.0) && is_told(0.5, &|_| 40.0));
         // The floor gave something, and by now nothing.
         assert!(!is_told(0.5, &|t| if t < 0.9 { 40.0 } else { 0.0 }));
+    }
+
+    /// After how many looks, each 14 ms after the other, a wheel is told to turn alone, if at all.
+    fn looks(moved: impl Fn(u32) -> Moved) -> Option<u32> {
+        let mut alone = Alone::new(200.0);
+        let mut heard = [None; MAX_WHEELS];
+        (0..20).find(|look| {
+            heard[0] = Some(moved(*look));
+            alone.take(0, 40.0, 40.0, 14.0 * PERIOD_S);
+            alone.hear(&heard, WHEEL_KG);
+            alone.wheels[0].is_alone
+        })
+    }
+
+    #[test]
+    fn who_moves_nothing_is_told_soon_and_who_moves_little_later() {
+        let moved = |kg: f64, along_kg: f64| Moved { kg, along_kg, needed_kg: 60.0, is_pushed: false };
+        assert_eq!(looks(|_| moved(3.0, 1.0)), Some(2));
+        assert_eq!(looks(|_| moved(10.0, 2.0)), Some(7));
+        // One look in between says that it grips.
+        assert_eq!(looks(|look| moved(if look % 7 == 6 { 50.0 } else { 10.0 }, 2.0)), None);
+        assert_eq!(looks(|_| moved(20.0, 2.0)), None);
+        // A soft tread pushes back.
+        assert_eq!(looks(|_| moved(10.0, -9.0)), None);
+        // The others push the platform: of four one may do another's part, of three none can.
+        let pushed = |needed_kg: f64| move |_: u32| Moved { needed_kg, is_pushed: true, ..moved(3.0, 1.0) };
+        assert_eq!(looks(pushed(0.0)), None);
+        assert_eq!(looks(pushed(60.0)), Some(7));
     }
 
     #[test]

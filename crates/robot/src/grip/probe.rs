@@ -7,21 +7,29 @@
 
 use std::f64::consts::{PI, TAU};
 
-use omnibase_platform::Twist2;
+use omnibase_platform::{Twist2, axes};
 
-use super::friction::DRY_M_S;
+use super::GRAVITY_M_S2;
+use super::friction::{DRY_M_S, WheelFriction};
 use crate::config::RobotPlan;
 use crate::signals::{CycleTime, MAX_WHEELS, Setpoint};
 
 /// The part of an acceleration that swings: a gripping wheel's push does on the softest treads by five times as much, within the margin
 /// that motions are planned with.
 const PART: f64 = 0.04;
+/// Gentler motions swing by this part of what the floor bears beyond them, up to so much, m/s², and so great a part: what
+/// changes in them otherwise makes a wheel of its motor's force look like a tenth of the platform.
+const LEFT: f64 = 0.2;
+const MOST_M_S2: f64 = 0.1;
+const MOST_PART: f64 = 0.4;
+/// What three wheels on a floor whose friction is told bear of it in their worst direction, within that margin, over gravity.
+const BORNE: f64 = 0.33;
 /// How long a swing takes at least, ns: slower than what counts as ringing, 20 Hz.
 const SWING_NS: u64 = 56_000_000;
 /// So many looks begin within a swing, one after the other.
 const LOOKS: usize = 4;
-/// A rim that is asked for less tells nothing, m/s²; nor one that is asked for less than this part of what the most is, for what all of
-/// them move moves it too; nor does one that follows by less than this part.
+/// A rim that is asked to swing by less tells nothing, m/s²; nor one that is asked for less than this part of what the most is, for what
+/// all of them move moves it too; nor does one that follows by less than this part.
 const LEAST_M_S2: f64 = 0.02;
 const OF_MOST: f64 = 0.5;
 const FOLLOWS: f64 = 0.5;
@@ -44,10 +52,38 @@ fn place(index: u64, cycles: u64) -> f64 {
     ((index % cycles) as f64 + 0.5) / cycles as f64
 }
 
+/// How much of an acceleration swings.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Extent {
+    /// What the floor bears, m/s².
+    borne_m_s2: f64,
+    /// By what a turn becomes a rim's speed, m.
+    lever_m: f64,
+}
+
+impl Extent {
+    pub(crate) fn new(plan: &RobotPlan) -> Self {
+        let floors = [plan.grip.friction, plan.grip.remembered.map(|floor| floor.friction)];
+        let borne = floors.into_iter().flatten().map(|friction| BORNE * friction * GRAVITY_M_S2);
+        Extent {
+            borne_m_s2: borne.fold(plan.limits.acceleration_m_s2, f64::min),
+            lever_m: WheelFriction::new(&plan.kinematics).lever_m(),
+        }
+    }
+
+    /// The part of one over the floor, m/s² and rad/s², whichever way its axes point.
+    pub(super) fn part(&self, [x, y, turn]: [f64; 3]) -> f64 {
+        let rim_m_s2 = omnibase_platform::length([x, y]) + self.lever_m * turn.abs();
+        let gentle_m_s2 = (LEFT * (self.borne_m_s2 - rim_m_s2)).min(MOST_M_S2);
+        (gentle_m_s2 / rim_m_s2.max(f64::MIN_POSITIVE)).clamp(PART, MOST_PART)
+    }
+}
+
 /// What a law of speed asks for beside its speeds.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Swing {
     is_heard: bool,
+    extent: Extent,
     /// For how many cycles the setpoint has moved: a motion is driven alike whenever it begins.
     moved: u64,
 }
@@ -55,7 +91,7 @@ pub(crate) struct Swing {
 impl Swing {
     /// Nothing where a drive doesn't tell its torque.
     pub(crate) fn new(plan: &RobotPlan) -> Self {
-        Swing { is_heard: plan.tells_torques(), moved: 0 }
+        Swing { is_heard: plan.tells_torques(), extent: Extent::new(plan), moved: 0 }
     }
 
     /// Whether it swings anything.
@@ -68,24 +104,43 @@ impl Swing {
         let Setpoint { twist_in_odom, acceleration_in_odom, .. } = setpoint;
         let rests = [twist_in_odom, acceleration_in_odom].into_iter().all(|one| *one == Twist2::default());
         self.moved = if rests { 0 } else { self.moved.wrapping_add(1) };
-        if self.is_heard { swing_s(self.moved, time) } else { 0.0 }
+        if !self.is_heard {
+            return 0.0;
+        }
+        self.extent.part(axes(acceleration_in_odom)) * swing_s(self.moved, time)
     }
 }
 
+/// By what an acceleration that swings makes a speed, s.
 fn swing_s(index: u64, time: &CycleTime) -> f64 {
     let cycles = cycles(time.period_ns);
-    PART * cycles as f64 * time.period_s() / TAU * (TAU * place(index, cycles)).sin()
+    cycles as f64 * time.period_s() / TAU * (TAU * place(index, cycles)).sin()
 }
 
 /// What a wheel showed in a cycle.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Rim {
-    /// What the setpoint's acceleration is along it, and what it gains, m/s².
-    pub(super) wished_m_s2: f64,
+    /// By how much it is asked to swing, and what it gains, m/s².
+    pub(super) asked_m_s2: f64,
     pub(super) gains_m_s2: f64,
-    /// How fast it is, m/s, and what its motor pushes it with, N.
+    /// How fast it is, m/s, what its motor pushes it with, N, and what that takes at least by what is believed of the platform; 0 where
+    /// other wheels may do its part.
     pub(super) rim_m_s: f64,
     pub(super) motor_n: f64,
+    pub(super) needed_n: f64,
+}
+
+/// What a look found of a wheel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Moved {
+    /// What its motor moves with its rim, kg; of it what goes along with the rim, less than none where a soft tread pushes back; and what it
+    /// would move at least if it gripped.
+    pub(super) kg: f64,
+    pub(super) along_kg: f64,
+    pub(super) needed_kg: f64,
+    /// Whether the platform is pushed as is believed that it takes: then one motor may push less because another one, or a friction,
+    /// does its part.
+    pub(super) is_pushed: bool,
 }
 
 /// What the platform showed in a cycle along the acceleration that it is asked for, N: what all motors push it with, and what its acceleration
@@ -101,9 +156,10 @@ pub(super) struct Along {
 struct Swings {
     /// In how many cycles it turned forwards less those in which it turned backwards: dry friction changes where it turns back.
     forwards: i64,
-    wished: [f64; 2],
+    asked: [f64; 2],
     gains: [f64; 2],
     motor: [f64; 2],
+    needed: [f64; 2],
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -126,19 +182,19 @@ impl Probe {
         self.looks = Default::default();
     }
 
-    /// Takes in a cycle; for each wheel that a look has ended on, what its motor moves with its rim, kg.
+    /// Takes in a cycle; what is found of each wheel that a look has ended on.
     pub(super) fn look(
         &mut self,
         time: &CycleTime,
         rims: &[Rim],
         along: &Along,
-    ) -> [Option<f64>; MAX_WHEELS] {
-        let mut moved_kg = [None; MAX_WHEELS];
+    ) -> [Option<Moved>; MAX_WHEELS] {
+        let mut moved = [None; MAX_WHEELS];
         // Of what swings only the size is looked at: this one's place needn't be the law's.
         let cycles = cycles(time.period_ns);
         let place = place(time.index, cycles);
         let (mut sin, mut cos) = (TAU * place).sin_cos();
-        let asked = PART * cos;
+        let swing = cos;
         for (at, look) in self.looks.iter_mut().enumerate() {
             let index = (time.index + at as u64 * (cycles / LOOKS as u64)) % cycles;
             if index == 0 {
@@ -152,17 +208,18 @@ impl Probe {
             add(&mut look.pushed, along.pushed_n, with);
             add(&mut look.needed, along.needed_n, with);
             for (swings, rim) in look.wheels.iter_mut().zip(rims) {
-                let Swings { forwards, wished, gains, motor } = swings;
+                let Swings { forwards, asked, gains, motor, needed } = swings;
                 *forwards += i64::from(rim.rim_m_s > DRY_M_S) - i64::from(rim.rim_m_s < -DRY_M_S);
-                add(wished, asked * rim.wished_m_s2, with);
+                add(asked, swing * rim.asked_m_s2, with);
                 add(gains, rim.gains_m_s2, with);
                 add(motor, rim.motor_n, with);
+                add(needed, rim.needed_n, with);
             }
             if index + 1 == cycles && look.taken == cycles {
-                moved_kg = look.moved_kg(cycles);
+                moved = look.moved(cycles);
             }
         }
-        moved_kg
+        moved
     }
 }
 
@@ -172,19 +229,19 @@ fn add(sums: &mut [f64; 2], value: f64, with: [f64; 2]) {
 }
 
 impl Look {
-    /// What each motor moves with its rim, kg; `None` where that says nothing, and all there is where the platform is pushed as is
-    /// believed: then one motor pushes less because another one, or a friction, does its part.
-    fn moved_kg(&self, cycles: u64) -> [Option<f64>; MAX_WHEELS] {
+    /// What is found of each wheel; `None` where that says nothing.
+    fn moved(&self, cycles: u64) -> [Option<Moved>; MAX_WHEELS] {
         let size = |sums: [f64; 2]| 2.0 / cycles as f64 * omnibase_platform::length(sums);
-        if size(self.pushed) > PUSHED * size(self.needed) {
-            return [Some(f64::MAX); MAX_WHEELS];
-        }
-        let most = self.wheels.iter().fold(0.0, |most: f64, swings| most.max(size(swings.wished)));
-        self.wheels.map(|Swings { forwards, wished, gains, motor }| {
-            let [wished, gains, motor] = [wished, gains, motor].map(size);
+        let is_pushed = size(self.pushed) > PUSHED * size(self.needed);
+        let most = self.wheels.iter().fold(0.0, |most: f64, swings| most.max(size(swings.asked)));
+        self.wheels.map(|Swings { forwards, asked, gains, motor, needed }| {
+            let along =
+                (motor[0] * gains[0] + motor[1] * gains[1]) / (gains[0] * gains[0] + gains[1] * gains[1]);
+            let [asked, gains, motor, needed] = [asked, gains, motor, needed].map(size);
             let turns_on = forwards.unsigned_abs() == cycles;
-            let tells = turns_on && wished > LEAST_M_S2.max(OF_MOST * most) && gains > FOLLOWS * wished;
-            tells.then(|| motor / gains).filter(|kg| kg.is_finite())
+            let tells = turns_on && asked > LEAST_M_S2.max(OF_MOST * most) && gains > FOLLOWS * asked;
+            let moved = Moved { kg: motor / gains, along_kg: along, needed_kg: needed / gains, is_pushed };
+            tells.then_some(moved).filter(|moved| (moved.kg + moved.needed_kg).is_finite())
         })
     }
 }
@@ -194,6 +251,7 @@ mod tests {
     use super::*;
 
     const PERIOD_NS: u64 = 1_000_000;
+    const EXTENT: Extent = Extent { borne_m_s2: 1.5, lever_m: 0.4 };
 
     /// What two rims were said to move over a second, kg: a motor's force as a world makes it of time and of what the first rim gains, that
     /// begins to be asked for an acceleration at 0.1 s; the second is asked for a part of it.
@@ -206,14 +264,19 @@ mod tests {
             let t = 1e-3 * index as f64;
             let wished_m_s2 = if t < 0.1 { 0.0 } else { asked_m_s2 };
             // The speed that is asked for beside the motion's, and so what it gains.
-            let gains_m_s2 = wished_m_s2 * (1.0 + 1e3 * (swing_s(index, &time) - before_s));
+            let gains_m_s2 = wished_m_s2 * (1.0 + 1e3 * PART * (swing_s(index, &time) - before_s));
             before_s = swing_s(index, &time);
+            let asked_m_s2 = PART * wished_m_s2;
             let mut rims = [Rim::default(); MAX_WHEELS];
-            rims[0] = Rim { wished_m_s2, gains_m_s2, rim_m_s: 0.5, motor_n: world(t, gains_m_s2) };
-            let [wished_m_s2, gains_m_s2] = [part * wished_m_s2, part * gains_m_s2];
-            rims[1] = Rim { wished_m_s2, gains_m_s2, rim_m_s: 0.5, motor_n: world(t, gains_m_s2) };
-            let moved_kg = probe.look(&time, &rims, &Along::default());
-            told.iter_mut().zip(moved_kg).for_each(|(told, kg)| told.extend(kg.filter(|_| t > 0.2)));
+            rims[0] =
+                Rim { asked_m_s2, gains_m_s2, rim_m_s: 0.5, motor_n: world(t, gains_m_s2), needed_n: 0.0 };
+            let [asked_m_s2, gains_m_s2] = [part * asked_m_s2, part * gains_m_s2];
+            rims[1] =
+                Rim { asked_m_s2, gains_m_s2, rim_m_s: 0.5, motor_n: world(t, gains_m_s2), needed_n: 0.0 };
+            let moved = probe.look(&time, &rims, &Along::default());
+            told.iter_mut()
+                .zip(moved)
+                .for_each(|(told, kg)| told.extend(kg.map(|moved| moved.kg).filter(|_| t > 0.2)));
         }
         told
     }
@@ -236,7 +299,8 @@ mod tests {
         let mut probe = Probe::default();
         for index in 0..1000 {
             let time = CycleTime::on_grid(index, PERIOD_NS);
-            let rim = Rim { wished_m_s2: 1.5, gains_m_s2: 1.5, rim_m_s: 0.5, motor_n: 60.0 };
+            let rim =
+                Rim { asked_m_s2: PART * 1.5, gains_m_s2: 1.5, rim_m_s: 0.5, motor_n: 60.0, needed_n: 0.0 };
             assert_eq!(probe.look(&time, &[rim; MAX_WHEELS], &Along::default()), [None; MAX_WHEELS]);
         }
     }
@@ -249,7 +313,13 @@ mod tests {
             let time = CycleTime::on_grid(index, PERIOD_NS);
             let t = 1e-3 * index as f64;
             let gains_m_s2 = -1.5 + 1.5 * PART * (TAU * place(index, cycles(PERIOD_NS))).cos();
-            let rim = Rim { wished_m_s2: -1.5, gains_m_s2, rim_m_s: 0.75 - 1.5 * t, motor_n: gains_m_s2 };
+            let rim = Rim {
+                asked_m_s2: PART * -1.5,
+                gains_m_s2,
+                rim_m_s: 0.75 - 1.5 * t,
+                motor_n: gains_m_s2,
+                needed_n: 0.0,
+            };
             if probe.look(&time, &[rim; MAX_WHEELS], &Along::default())[0].is_some() {
                 told_s.push(t);
             }
@@ -267,7 +337,7 @@ mod tests {
     #[test]
     fn a_motion_swings_alike_whenever_it_begins() {
         let swings = |begins: u64| {
-            let mut swing = Swing { is_heard: true, moved: 0 };
+            let mut swing = Swing { is_heard: true, extent: EXTENT, moved: 0 };
             let of_cycle = |index: u64| {
                 let twist_in_odom = Twist2::new(if index < begins { 0.0 } else { 0.3 }, 0.0, 0.0);
                 let setpoint = Setpoint { twist_in_odom, ..Setpoint::default() };
@@ -280,6 +350,24 @@ mod tests {
     }
 
     #[test]
+    fn a_gentle_motion_swings_by_what_the_floor_bears_beyond_it_and_no_harder() {
+        let m_s2 = |extent: &Extent, [x, turn]: [f64; 2]| {
+            extent.part([0.6 * x, -0.8 * x, turn]) * (x + 0.4 * turn.abs())
+        };
+        // As hard as may be, half of what is left of 1.5 over five, and all but rest.
+        for (asked, swings) in
+            [([2.0, 0.0], 0.08), ([1.3, 0.0], 0.052), ([0.5, 0.0], 0.1), ([0.1, 0.0], 0.04)]
+        {
+            assert!((m_s2(&EXTENT, asked) - swings).abs() < 1e-12, "{asked:?}");
+        }
+        assert!((m_s2(&EXTENT, [0.25, -0.5]) - 0.1).abs() < 1e-12);
+        assert_eq!(EXTENT.part([0.0; 3]) * 0.0, 0.0);
+        // On a floor that bears 0.26, as one of 0.08 that was told, not beyond it.
+        let icy = Extent { borne_m_s2: 0.26, ..EXTENT };
+        assert!((m_s2(&icy, [0.25, 0.0]) - 0.01).abs() < 1e-12 && m_s2(&icy, [0.2, 0.0]) < 0.0121);
+    }
+
+    #[test]
     fn a_swing_is_slower_than_ringing_and_swings_by_a_part() {
         for period_ns in [125_000, 250_000, 500_000, 1_000_000, 2_000_000, 3_000_000, 4_000_000] {
             let half_ns = cycles(period_ns) * period_ns / 2;
@@ -287,7 +375,7 @@ mod tests {
         }
         let swings = (0..56).map(|index| swing_s(index, &CycleTime::on_grid(index, PERIOD_NS)));
         let most_s = swings.fold(0.0, f64::max);
-        // 0.04 of it for 56 ms/2π.
-        assert!((most_s - 0.04 * 0.056 / TAU).abs() < 1e-6, "{most_s}");
+        // 56 ms/2π.
+        assert!((most_s - 0.056 / TAU).abs() < 1e-6, "{most_s}");
     }
 }

@@ -190,6 +190,11 @@ impl Sliding {
         told.slide(force_n)
     }
 
+    /// A wheel's part of a wrench, N: that of least norm.
+    pub(super) fn share_n(&self, wheel: usize, wrench: [f64; 3]) -> f64 {
+        self.shares[wheel].iter().zip(wrench).map(|(share, part)| share * part).sum()
+    }
+
     /// The least that a gripping wheel's force changes by, N, whatever of the masses that the file allows is the platform's.
     fn least_change_n(&self, wheel: usize, [x, y, turn]: &[f64; 3]) -> f64 {
         let [by_x, by_y, by_turn] = self.shares[wheel];
