@@ -3,6 +3,7 @@
 //! Nothing here depends on how fast the machine is: what must not happen is looked for in the program's own record, and what must
 //! happen is waited for.
 
+mod broken_off;
 mod relay;
 #[path = "../../setup/examples/seeds/unknown.rs"]
 #[allow(dead_code, reason = "the set-up's own tests have the other half")]

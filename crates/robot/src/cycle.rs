@@ -170,7 +170,7 @@ impl Robot {
             let length = inputs.len().min(MAX_PROCESS_BYTES);
             inputs[..length].copy_from_slice(&recorded.0[..length]);
         }
-        self.peripherals.replay(&record.signals, &mut buffer.device_inputs);
+        self.peripherals.replay(&record.signals, buffer);
         self.compute(record.time, record.exchange, record.request, buffer)
     }
 

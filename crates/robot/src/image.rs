@@ -11,8 +11,8 @@ pub trait ProcessImage {
     fn outputs(&mut self, wheel: usize) -> &mut [u8];
 
     /// What a SubDevice without a wheel sent; empty where nothing of it is read, and where its process data didn't go in
-    /// this cycle.
-    fn device_inputs(&self, device: usize) -> &[u8];
+    /// this cycle. `None` where it isn't there.
+    fn device_inputs(&self, device: usize) -> Option<&[u8]>;
 
     /// What a SubDevice without a wheel will be sent; empty where nothing is written to it.
     fn device_outputs(&mut self, device: usize) -> &mut [u8];
@@ -29,6 +29,8 @@ pub struct ImageBuffer {
     pub device_inputs: Vec<Vec<u8>>,
     /// Outputs of the SubDevices without a wheel.
     pub device_outputs: Vec<Vec<u8>>,
+    /// Which of these are there.
+    pub devices_there: Vec<bool>,
 }
 
 impl ImageBuffer {
@@ -39,6 +41,7 @@ impl ImageBuffer {
             outputs: plan.drives.iter().map(|drive| vec![0; drive.output_bytes()]).collect(),
             device_inputs: plan.devices.iter().map(|device| vec![0; device.input_bytes()]).collect(),
             device_outputs: plan.devices.iter().map(|device| vec![0; device.output_bytes()]).collect(),
+            devices_there: vec![true; plan.devices.len()],
         }
     }
 }
@@ -52,8 +55,9 @@ impl ProcessImage for ImageBuffer {
         self.outputs.get_mut(wheel).map_or(&mut [], Vec::as_mut_slice)
     }
 
-    fn device_inputs(&self, device: usize) -> &[u8] {
-        self.device_inputs.get(device).map_or(&[], Vec::as_slice)
+    fn device_inputs(&self, device: usize) -> Option<&[u8]> {
+        let is_there = self.devices_there.get(device).is_some_and(|is_there| *is_there);
+        self.device_inputs.get(device).filter(|_| is_there).map(Vec::as_slice)
     }
 
     fn device_outputs(&mut self, device: usize) -> &mut [u8] {

@@ -113,6 +113,9 @@ impl Away {
     }
 }
 
+/// The position of whoever is of a hot-connect group that isn't there.
+const ABSENT: u16 = u16::MAX;
+
 /// Where one SubDevice's process data stand.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 struct Wires {
@@ -134,11 +137,10 @@ impl ProcessImage for Wheels {
         }
     }
 
-    fn device_inputs(&self, device: usize) -> &[u8] {
-        if u32::from(self.resting) >> device & 1 == 1 {
-            return &[];
-        }
-        self.peripherals.get(device).map_or(&[], |wires| &self.image.inputs[wires.inputs.clone()])
+    fn device_inputs(&self, device: usize) -> Option<&[u8]> {
+        let wires = self.peripherals.get(device).filter(|wires| wires.position != ABSENT)?;
+        let rests = u32::from(self.resting) >> device & 1 == 1;
+        Some(if rests { &[] } else { &self.image.inputs[wires.inputs.clone()] })
     }
 
     fn device_outputs(&mut self, device: usize) -> &mut [u8] {
@@ -406,7 +408,7 @@ where
     let wires = |name: &str, place: BusPlace, inputs: usize, outputs: usize| {
         // Of a hot-connect group that isn't there: everybody else was found when the bus was configured.
         let Some(found) = peripherals::found(place, subdevices) else {
-            return Ok(Wires { position: u16::MAX, ..Wires::default() });
+            return Ok(Wires { position: ABSENT, ..Wires::default() });
         };
         let placements = bus.plan().placements_of(found.position);
         let bytes = |direction: Direction, words, expected: usize| {

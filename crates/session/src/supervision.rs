@@ -122,6 +122,8 @@ pub struct Supervisor {
     absent: String,
     /// Since when nothing comes back.
     silent_since: Option<HostTime>,
+    /// Frames that had come late when that began.
+    late_before: u64,
     /// That the interface sees no link was said of this silence.
     link_told: bool,
     /// What others had done beside the cycle, and has ended.
@@ -192,6 +194,7 @@ impl Supervisor {
             surplus: 0,
             absent,
             silent_since: None,
+            late_before: 0,
             link_told: false,
             ended: VecDeque::with_capacity(CAPACITY),
         }
@@ -246,6 +249,7 @@ impl Supervisor {
         let cycles = bus.nothing_back();
         if cycles >= SILENCE && self.silent_since.is_none() {
             self.silent_since = Some(now);
+            self.late_before = bus.counters().late;
             self.totals.silences += 1;
             let first = self.all.first().map_or("SubDevice 0", |one| one.figures.name.as_str());
             // That it sees one proves nothing: drivers notice late that it went.
@@ -262,9 +266,14 @@ impl Supervisor {
             && let Some(since) = self.silent_since.take()
         {
             let after = (now - since).as_secs_f64();
-            self.say(Words::new(format_args!(
-                "something behind the interface answers again after {after:.3} s"
-            )));
+            let words = format_args!("something behind the interface answers again after {after:.3} s");
+            // What comes late was on its way: no cable was out.
+            self.say(match bus.counters().late.saturating_sub(self.late_before) {
+                0 => Words::new(words),
+                late => {
+                    Words::new(format_args!("{words}: {late} frames came late, so who answers was held up"))
+                }
+            });
         }
     }
 

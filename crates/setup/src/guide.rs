@@ -130,8 +130,6 @@ pub struct Guide<'a, C: Clock> {
     /// Called with the record after each thing that was done.
     pub(crate) keep: Keep<'a>,
     pub(crate) back_up: BackUp<'a>,
-    /// A drive was in OP since what jogs write over was put back.
-    has_jogged: bool,
 }
 
 /// Who stands outside of a set-up.
@@ -218,7 +216,7 @@ impl<'a, C: Clock> Guide<'a, C> {
         Outside { hand, keep, back_up }: Outside<'a>,
     ) -> Result<Self, SetupError> {
         let plan = robot_file::plan(&wished.base, &Registry::with_built_in())?;
-        Ok(Guide { wished, plan, open, hand, record, keep, back_up, has_jogged: false })
+        Ok(Guide { wished, plan, open, hand, record, keep, back_up })
     }
 
     /// Keeps what was found so far; whoever can't is told at once, for nobody wants to find it all again.
@@ -236,7 +234,7 @@ impl<'a, C: Clock> Guide<'a, C> {
             _ => self.record.robot = Some(robot),
         }
         let ended = self.steps();
-        if self.has_jogged {
+        if !self.record.jogged.is_empty() {
             self.leave_as_found();
         }
         ended

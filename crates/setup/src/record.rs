@@ -161,6 +161,9 @@ pub struct Record {
     pub done: Vec<Step>,
     /// Drives, by position.
     pub drives: Vec<FoundDrive>,
+    /// Drives as they were found before their first jog, until what jogs wrote over is put back.
+    #[serde(default)]
+    pub jogged: Vec<FoundDrive>,
     /// SubDevices that are no drives, by position.
     #[serde(default)]
     pub others: Vec<FoundDevice>,

@@ -4,6 +4,7 @@ use core::fmt;
 use core::time::Duration;
 
 use crate::config::DcConfig;
+use crate::found::Found;
 use crate::start_up::StartUpError;
 use crate::wire::{AlState, AlStatusCode};
 
@@ -98,7 +99,7 @@ pub enum TransitionError {
     },
     /// A register access failed again and again.
     #[error(
-        "SubDevice {position} does not take register 0x{register:04x}: working counter {working_counter}"
+        "SubDevice {position} does not take register 0x{register:04x}: {}", Found::WorkingCounter(*.working_counter).against(1)
     )]
     RegisterRefused {
         /// Position.

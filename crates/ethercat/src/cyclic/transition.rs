@@ -185,7 +185,7 @@ impl Transition {
             ClockUse::Steer { .. } => member.clock.is_some(),
         };
         if self.loaded {
-            if let Some(failed) = refused(view.batch.items()) {
+            if let Some(failed) = refused(view.batch.items(), view.now - self.since) {
                 return self.fail(failed, view.now);
             }
             let difference = |item: &Item| signed_difference(u32_at(&item.data, 0));
@@ -222,7 +222,7 @@ impl Transition {
     fn write(&mut self, view: &mut View<'_>) -> Option<Progress> {
         if self.loaded {
             if self.step != Step::CyclicControl
-                && let Some(failed) = refused(view.batch.items())
+                && let Some(failed) = refused(view.batch.items(), view.now - self.since)
             {
                 return self.fail(failed, view.now);
             }
@@ -419,12 +419,16 @@ impl Transition {
     }
 }
 
-fn refused(items: &[Item]) -> Option<TransitionError> {
+fn refused(items: &[Item], after: Duration) -> Option<TransitionError> {
     items.iter().find_map(|item| match item.state {
         ItemState::Failed { found } => {
             let (position, register) = (item.position, item.register);
             Some(match found {
                 Found::Nothing => TransitionError::RegisterUnheard { position, register },
+                // Every chip has this one: nobody is there.
+                Found::WorkingCounter(0) if register == register::AL_CONTROL => {
+                    TransitionError::Unreachable { position, after }
+                }
                 Found::WorkingCounter(working_counter) => {
                     TransitionError::RegisterRefused { position, register, working_counter }
                 }

@@ -123,8 +123,8 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
                 std::fs::rename(&state, &aside).with_context(|| format!("renaming `{}`", state.display()))?;
                 note(format_args!("begun anew; what was found before is in `{}`", aside.display()));
             }
-            let Record { written, writing, .. } = before.unwrap_or_default();
-            Record { written, writing, ..Record::default() }
+            let Record { written, writing, jogged, .. } = before.unwrap_or_default();
+            Record { written, writing, jogged, ..Record::default() }
         }
     };
     let plan = robot_file::plan(&base, &Registry::with_built_in())?;

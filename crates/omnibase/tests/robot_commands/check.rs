@@ -38,6 +38,13 @@ fn a_sound_file_is_checked_to_a_plan_with_units() {
     ] {
         assert!(text.contains(words), "{words} in {text}");
     }
+    let slow = "\n[[device]]\nname = \"valves\"\nalias = 7\ngroup = \"arm\"\nevery = 10\nkind = \"io\"\n\
+                outputs = [{ pdo = \"0x1600\", map = \"7000.1:16\" }]\n";
+    let file =
+        folder.file("slow.toml", &(std::fs::read_to_string(root().join("robots/bmm.toml")).unwrap() + slow));
+    let told = "valves: io, alias 7, its process data in one of 10 cycles, hot-connect group `arm`";
+    assert!(prints(&["check", &file]).contains(told));
+    assert_eq!(json(&["check", &file, "--json"])["devices"][0]["every"], 10);
     let schema = json(&["check", "--schema"]);
     let kept = std::fs::read_to_string(root().join("robots/robot.schema.json")).unwrap();
     assert_eq!(schema, serde_json::from_str::<Value>(&kept).unwrap(), "robots/robot.schema.json is old");

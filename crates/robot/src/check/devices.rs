@@ -122,7 +122,7 @@ impl Device<'_> {
         });
         let (outputs, inputs) = (outputs?, inputs?);
         self.memory(&outputs, &inputs)?;
-        let group = self.group(place, &outputs, &inputs);
+        let group = self.group(place);
         let setting = self.setting("every");
         let every = rates::resolve(self.check, self.file, &setting, own, !outputs.is_empty());
         let is_drive = own.axis.is_some();
@@ -182,24 +182,16 @@ impl Device<'_> {
     }
 
     /// The hot-connect group, where it can be of one.
-    fn group(
-        &mut self,
-        place: Option<BusPlace>,
-        outputs: &[PdoPlan],
-        inputs: &[PdoPlan],
-    ) -> Option<Option<String>> {
+    fn group(&mut self, place: Option<BusPlace>) -> Option<Option<String>> {
         if self.own.group.is_none() {
             return Some(None);
         }
         let setting = self.setting("group");
         let group = self.check.signal_name(self.own.group.as_deref(), &setting);
-        let misfit = if matches!(place, Some(BusPlace::Position(_))) {
-            "who may be absent is found by `alias` or `identification`, for positions shift"
-        } else if inputs.is_empty() && !outputs.is_empty() {
-            "nothing comes from it, so nobody would know whether it is there: give it `inputs`"
-        } else {
+        if !matches!(place, Some(BusPlace::Position(_))) {
             return group.map(Some);
-        };
+        }
+        let misfit = "who may be absent is found by `alias` or `identification`, for positions shift";
         self.check.report(ProblemKind::Contradiction, &setting, misfit);
         None
     }

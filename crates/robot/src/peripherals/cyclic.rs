@@ -8,7 +8,7 @@ use omnibase_cia402::Wanted;
 use super::sources::Sources;
 use crate::config::recorded_bytes::{self, RecordedBytes};
 use crate::config::{DevicePlan, RobotPlan};
-use crate::image::ProcessImage;
+use crate::image::{ImageBuffer, ProcessImage};
 use crate::registry::{Made, Registry};
 use crate::signals::{
     AxisAsk, Between, CycleTime, Exchange, Heard, Inputs, MAX_DEVICES, MAX_SIGNALS, Outputs, RequestAnswer,
@@ -139,9 +139,8 @@ impl Peripherals {
         signals.input_bytes.fill(0);
         for (device, part) in self.all.iter_mut().enumerate() {
             let values = &mut signals.inputs[part.inputs.clone()];
-            let heard = image.device_inputs(device);
-            if exchange.has_inputs_of_device(device) && heard.len() >= part.input_bytes.length {
-                let heard = &heard[..part.input_bytes.length];
+            let sent = image.device_inputs(device).and_then(|bytes| bytes.get(..part.input_bytes.length));
+            if let Some(heard) = sent.filter(|_| exchange.has_inputs_of_device(device)) {
                 part.input_bytes.keep(heard, &mut signals.input_bytes);
                 part.peripheral.read(time, heard, values);
                 part.heard_ns = Some(time.now_ns);
@@ -289,10 +288,12 @@ impl Peripherals {
     }
 
     /// Puts a recorded cycle's inputs back into process data, and what programs sent back on its way.
-    pub(crate) fn replay(&mut self, signals: &Signals, inputs: &mut [Vec<u8>]) {
-        for (device, (part, bytes)) in self.all.iter().zip(inputs).enumerate() {
+    pub(crate) fn replay(&mut self, signals: &Signals, image: &mut ImageBuffer) {
+        let images = image.device_inputs.iter_mut().zip(&mut image.devices_there);
+        for (device, (part, (bytes, is_there))) in self.all.iter().zip(images).enumerate() {
             // Not of this cycle: it wasn't there, or it rested.
             let was_heard = signals.ages_s[device] == 0.0;
+            *is_there = was_heard;
             bytes.clear();
             if was_heard {
                 bytes.resize(part.input_bytes.length, 0);

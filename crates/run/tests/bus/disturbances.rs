@@ -98,6 +98,29 @@ fn nothing_behind_the_interface_is_named_within_two_cycles_and_so_is_its_end() {
     }
 }
 
+/// A silence whose frames come late was a pause of who answers: what is said of a cable at its begin isn't left standing.
+#[test]
+fn a_silence_whose_frames_come_late_is_told_as_a_pause() {
+    for (action, is_told) in [(FaultAction::Delay { frames: 3 }, true), (FaultAction::DropAnswer, false)] {
+        let plan = plan("");
+        let (link, clock) = in_process(simulated::segment(&plan).unwrap().0);
+        let mut bench = Bench::with(&plan, link, clock);
+        bench.enable();
+        bench.run(100);
+        {
+            let mut link = bench.link.0.borrow_mut();
+            let next = link.counts().frames;
+            for frame in next..next + 3 {
+                link.inject(Injection { target: Target::Frame(frame), action });
+            }
+        }
+        bench.run(100);
+        let told = bench.told("something behind the interface answers again after ");
+        assert_eq!(told.len(), 1, "{:?}", bench.events);
+        assert_eq!(told[0].1.contains("frames came late, so who answers was held up"), is_told, "{told:?}");
+    }
+}
+
 #[test]
 fn a_single_lost_frame_is_no_silence() {
     let mut bench = Bench::new(&plan(""));

@@ -5,8 +5,8 @@ use std::time::Duration;
 use omnibase_ethercat::wire::coe::AbortCode;
 use omnibase_ethercat_sim::{Fault, in_process};
 
-use omnibase_robot::signals::{Phase, SafetyReason};
-use omnibase_robot::{Exchange, ImageBuffer, Registry, Robot, RobotPlan};
+use omnibase_robot::signals::{Phase, RequestAnswer, SafetyReason};
+use omnibase_robot::{CycleRecord, Exchange, ImageBuffer, Registry, Request, RequestKind, Robot, RobotPlan};
 use omnibase_run::{RobotText, simulated};
 use omnibase_session::session::Session;
 
@@ -134,6 +134,37 @@ fn a_hot_connect_group_that_is_absent_is_told_and_stops_nobody() {
     assert!(image.device_inputs[0].is_empty());
     assert_eq!((computed.signals.ages_s[0], computed.signals.believed), (f64::INFINITY, 0));
     assert_eq!(computed.signals.output_bytes, record.signals.output_bytes);
+}
+
+/// Valves of a gripper say nothing of themselves: they are written where they are there, and whoever sets those that aren't is refused.
+#[test]
+fn a_hot_connect_group_of_outputs_alone_may_be_absent() {
+    let inputs = |line: &&str| !line.starts_with("input");
+    let valves: Vec<&str> = GRIPPER.split_inclusive('\n').filter(inputs).collect();
+    let with = plan(&valves.concat());
+    for is_there in [true, false] {
+        let bus_of = if is_there { with.clone() } else { plan("") };
+        let simulated::Simulated { segment, panels, .. } = simulated::robot(&bus_of).unwrap();
+        let (link, clock) = in_process(segment);
+        let mut bench = Bench::with(&with, link, clock);
+        bench.enable();
+        let set = RequestKind::SetOutput { index: 0, value: 500.0 };
+        bench.cycle(Some(set));
+        let record = *bench.robot.record();
+        assert_eq!(
+            (record.answer == RequestAnswer::Refused, record.exchange),
+            (!is_there, Exchange::Complete)
+        );
+        bench.run(5);
+        let object = omnibase_ethercat::wire::coe::ObjectAddress::new(0x7000, 1);
+        let written = panels.first().and_then(|panel| panel.output(object));
+        assert_eq!(written, is_there.then_some(500), "{:?}", bench.robot.record().signals);
+        // A replay knows it by the record alone.
+        let record = CycleRecord { request: Some(Request::lasting(set)), ..*bench.robot.record() };
+        let mut again = Robot::build(&with, &Registry::with_built_in()).unwrap();
+        let computed = again.replay(&record, &mut ImageBuffer::new(&with));
+        assert_eq!(computed.answer == RequestAnswer::Refused, !is_there);
+    }
 }
 
 /// What comes later is told, and left alone until the next start: whoever drives goes on.

@@ -59,7 +59,10 @@ impl<C: Clock> Guide<'_, C> {
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan().map_err(|error| in_words(&error))?;
         self.are_those_found(&bus)?;
-        self.has_jogged = true;
+        if self.record.jogged.is_empty() {
+            self.record.jogged = self.record.drives.clone();
+            self.kept();
+        }
         let cycle_ns = self.wished.cycle.as_nanos() as u32;
         let limit = SdoWrite {
             object: ObjectAddress::new(0x6072, 0),

@@ -77,7 +77,10 @@ impl<C: Clock> Guide<'_, C> {
     /// Finds the drives and notes what they say of themselves.
     pub(super) fn find(&mut self) -> Result<(), SetupError> {
         let mut bus = self.bus()?;
-        let drives = self.drives_on(&mut bus);
+        let mut drives = self.drives_on(&mut bus);
+        for drive in &mut drives {
+            recall(&self.record.jogged, drive).into_iter().for_each(|text| self.tell_found(text));
+        }
         let is_drive = |position: u16| drives.iter().any(|drive| drive.position == position);
         let others = bus.subdevices().iter().filter(|one| !is_drive(one.position));
         self.record.others = others
@@ -203,6 +206,14 @@ impl<C: Clock> Guide<'_, C> {
     fn put_back(&mut self, bus: &mut AnyBus<C>) {
         let mut failed = Vec::new();
         for drive in &self.record.drives {
+            let now = bus.subdevices().get(usize::from(drive.position)).map(seen);
+            if !now.is_some_and(|now| is_it(drive, &now)) {
+                failed.push(format!(
+                    "SubDevice {} isn't the drive that was jogged: max torque, mode and synchronisation of that one are as the jog left them",
+                    drive.position
+                ));
+                continue;
+            }
             for (index, subindex, was) in &drive.was {
                 let object = ObjectAddress::new(*index, *subindex);
                 let is_so =
@@ -214,6 +225,9 @@ impl<C: Clock> Guide<'_, C> {
                     failed.push(format!("{object} was {}, and can't be put back: {error}", number(was)));
                 }
             }
+        }
+        if failed.is_empty() && !self.record.drives.is_empty() {
+            self.record.jogged.clear();
         }
         failed.into_iter().for_each(|text| self.tell_found(text));
     }
@@ -242,7 +256,6 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn parameters(&mut self) -> Result<bool, SetupError> {
         let mut bus = self.bus()?;
         self.put_back(&mut bus);
-        self.has_jogged = false;
         let drives = self.record.drives.clone();
         for drive in drives.iter().filter(|drive| drive.wheel.is_some()) {
             let wheel = drive.wheel.clone().unwrap_or_default();
@@ -319,6 +332,35 @@ impl<C: Clock> Guide<'_, C> {
         }
         Ok(true)
     }
+}
+
+/// Takes what a drive held before its first jog for what it was found with; in words what nobody knows, for drives that look alike
+/// may have been swapped.
+pub(super) fn recall(jogged: &[FoundDrive], drive: &mut FoundDrive) -> Vec<String> {
+    let was_it = |one: &&FoundDrive| is_it(&FoundDrive { identification: None, ..(*one).clone() }, drive);
+    let before: BTreeSet<&(u16, u8, Vec<u8>)> =
+        jogged.iter().filter(was_it).flat_map(|one| &one.was).collect();
+    let objects: BTreeSet<(u16, u8)> =
+        before.iter().map(|(index, subindex, _)| (*index, *subindex)).collect();
+    let mut unknown = Vec::new();
+    for object in objects {
+        let values: Vec<_> =
+            before.iter().filter(|(index, subindex, _)| (*index, *subindex) == object).collect();
+        if drive.was.iter().any(|now| values.iter().any(|value| **value == now)) {
+            continue;
+        }
+        drive.was.retain(|(index, subindex, _)| (*index, *subindex) != object);
+        match values[..] {
+            [value] => drive.was.push((*value).clone()),
+            _ => unknown.push(format!(
+                "SubDevice {}: {} was {} before it was jogged, by which of the drives that look alike it is: set it by the maker's tool",
+                drive.position,
+                ObjectAddress::new(object.0, object.1),
+                values.iter().map(|(.., bytes)| number(bytes)).collect::<Vec<_>>().join(" or "),
+            )),
+        }
+    }
+    unknown
 }
 
 /// Whether a drive can be asked for it now, and may keep it.

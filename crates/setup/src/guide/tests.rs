@@ -17,10 +17,23 @@ fn with_found(
     hand: &mut dyn Hand,
     look: impl FnOnce(&mut Guide<'_, VirtualClock>),
 ) {
+    with_record(base, Record::default(), open, hand, |guide| {
+        guide.find().unwrap();
+        look(guide);
+    });
+}
+
+/// One that is taken up from a record.
+fn with_record(
+    base: &str,
+    record: Record,
+    open: Open<'_, VirtualClock>,
+    hand: &mut dyn Hand,
+    look: impl FnOnce(&mut Guide<'_, VirtualClock>),
+) {
     let (mut keep, mut back_up) = (|_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
     let outside = Outside { hand, keep: &mut keep, back_up: &mut back_up };
-    let mut guide = Guide::new(Wished::new(base.to_owned()), Record::default(), open, outside).unwrap();
-    guide.find().unwrap();
+    let mut guide = Guide::new(Wished::new(base.to_owned()), record, open, outside).unwrap();
     look(&mut guide);
 }
 
@@ -193,4 +206,80 @@ fn a_jog_begins_as_the_robot_does() {
         let was: Vec<u16> = guide.record.drives[0].was.iter().map(|(index, ..)| *index).collect();
         assert!(was.contains(&0x6085) && was.contains(&0x6072) && !was.contains(&0x2100), "{was:04x?}");
     });
+}
+
+/// A segment that keeps its supply, whoever is at its end.
+#[derive(Clone)]
+struct Powered(Rc<RefCell<omnibase_ethercat_sim::SimLink>>);
+
+impl Link for Powered {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        self.0.borrow_mut().send(frame)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        self.0.borrow_mut().receive(buffer, deadline)
+    }
+}
+
+/// The program was killed in a jog and all drives are found again: what a jog left in them isn't taken for what was there before.
+#[test]
+fn what_was_there_before_the_first_jog_is_remembered_where_drives_are_found_again() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let max_torque = |record: &Record| {
+        let of =
+            |drive: &FoundDrive| drive.was.iter().find(|(index, ..)| *index == at_start::MAX_TORQUE).cloned();
+        record.drives.iter().map(|drive| of(drive).map(|(.., bytes)| bytes)).collect::<Vec<_>>()
+    };
+    let as_found = vec![Some(3000_u16.to_le_bytes().to_vec()); 3];
+    let mut kept = String::new();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        assert_eq!(max_torque(&guide.record), as_found);
+        kept = guide.record.to_json();
+    });
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        assert_eq!(max_torque(&guide.record), vec![None; 3], "without the record nobody knows it any more");
+    });
+    with_record(BASE, Record::from_json(&kept).unwrap(), &mut open, &mut Nobody, |guide| {
+        guide.record.done.clear();
+        guide.find().unwrap();
+        assert_eq!(max_torque(&guide.record), as_found);
+        // Another drive in the place of one that was jogged isn't touched, and the set-up knows that one is left.
+        let serial = std::mem::replace(&mut guide.record.drives[2].serial, 99);
+        guide.leave_as_found();
+        let words = guide.record.findings.join("\n");
+        assert!(words.contains("SubDevice 2 isn't the drive that was jogged"), "{words}");
+        assert_eq!(guide.record.jogged.len(), 3);
+        guide.record.drives[2].serial = serial;
+        guide.leave_as_found();
+        assert_eq!(guide.record.jogged, []);
+        guide.find().unwrap();
+        assert_eq!(max_torque(&guide.record), as_found, "as the drives have it now");
+    });
+}
+
+/// Of drives that look alike and were different before nobody knows whose is whose: it is told, and nothing is written.
+#[test]
+fn what_drives_that_look_alike_were_before_is_not_guessed() {
+    let drive = |torques: [u8; 2]| FoundDrive {
+        was: vec![(at_start::MAX_TORQUE, 0, torques.to_vec()), (0x6060, 0, vec![3])],
+        ..FoundDrive::default()
+    };
+    let jogged = [drive([0xB8, 0x0B]), drive([0xC4, 0x09])];
+    let mut of_jog = FoundDrive {
+        was: vec![(at_start::MAX_TORQUE, 0, vec![100, 0]), (0x6060, 0, vec![9])],
+        ..FoundDrive::default()
+    };
+    let words = reading::recall(&jogged, &mut of_jog);
+    assert_eq!(words.len(), 1);
+    assert!(words[0].contains("was 3000 or 2500 before it was jogged"), "{words:?}");
+    assert_eq!(of_jog.was, [(0x6060, 0, vec![3])]);
+    let mut as_found = drive([0xC4, 0x09]);
+    assert!(reading::recall(&jogged, &mut as_found).is_empty());
+    assert_eq!(as_found, drive([0xC4, 0x09]));
 }

@@ -37,7 +37,9 @@ fn what_keeps_a_segment_from_op_is_named() {
     let mut bench = Bench::new(3);
     bench.segment().refuses = Some(0x09A0);
     let TransitionStatus::Failed(error) = bench.to(Goal::Op) else { panic!("{:?}", bench.bus.transition()) };
-    assert_eq!(error.to_string(), "SubDevice 0 does not take register 0x09a0: working counter 0");
+    let words =
+        "SubDevice 0 does not take register 0x09a0: working counter 0 where working counter 1 was expected";
+    assert_eq!(error.to_string(), words);
     // 0x0980 may be refused.
     let mut bench = Bench::new(3);
     bench.segment().refuses = Some(0x0980);

@@ -229,7 +229,11 @@ fn print_devices(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
         let group = device.group.as_ref().map_or(String::new(), |group| {
             format!(", hot-connect group `{group}`: all of it is plugged in at the start, or none and the robot runs without it")
         });
-        writeln!(output, "  {}: {}, {}{group}", device.name, device.kind, bus_place(device.place))?;
+        let every = match device.every.cycles() {
+            1 => String::new(),
+            n => format!(", its process data in one of {n} cycles"),
+        };
+        writeln!(output, "  {}: {}, {}{every}{group}", device.name, device.kind, bus_place(device.place))?;
         print_start(device.dc.as_ref(), &device.timeouts, output)?;
         print_parameters(&device.parameters, output)?;
         for input in &device.input {
@@ -285,6 +289,7 @@ pub fn json(plan: &RobotPlan) -> Value {
             "kind": device.kind,
             "place": bus_place(device.place),
             "group": device.group,
+            "every": device.every.cycles(),
             "parameters": json_parameters(&device.parameters),
             "inputs": device.input.iter().map(|one| json!([one.name, one.unit])).collect::<Vec<_>>(),
             "outputs": device.output.iter().map(|one| json!([one.name, one.unit])).collect::<Vec<_>>(),

@@ -16,6 +16,10 @@ pub fn print(summary: &Summary, output: &mut dyn Write) -> io::Result<()> {
     }
     writeln!(output, "{:<22} {:>12}", "cycles", summary.cycles)?;
     writeln!(output, "{:<22} {:>12}", "lost frames", summary.lost_frames)?;
+    if summary.bus.frames_late > 0 {
+        let late = summary.bus.frames_late;
+        writeln!(output, "{:<22} {late:>12} came back behind their deadline", "  of them late")?;
+    }
     writeln!(output, "{:<22} {:>12}", "overruns", summary.overruns)?;
     writeln!(
         output,
@@ -74,4 +78,22 @@ fn print_measured(measured: &Measured, output: &mut dyn Write) -> io::Result<()>
 
 fn millimetres(metres: Option<f64>) -> String {
     metres.map_or_else(|| "-".to_owned(), |metres| format!("{:.4} mm", 1e3 * metres))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_late_frame_is_told_beside_the_lost_ones() {
+        let mut summary = Summary { lost_frames: 3, ..Summary::default() };
+        let printed = |summary: &Summary| {
+            let mut text = Vec::new();
+            print(summary, &mut text).unwrap();
+            String::from_utf8(text).unwrap()
+        };
+        assert!(!printed(&summary).contains("late"));
+        summary.bus.frames_late = 2;
+        assert!(printed(&summary).contains("2 came back behind their deadline"), "{}", printed(&summary));
+    }
 }
