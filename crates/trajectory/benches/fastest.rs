@@ -1,6 +1,6 @@
 //! Prints what planning costs, by points and limits: CPU time, and how much memory it takes at its most.
 //!
-//! `cargo bench -p omnibase-trajectory`
+//! `cargo bench -p omnibase-trajectory`; `-- 20 "wheels, grip, heat" 1` plans one row so many times, for `valgrind --tool=callgrind`.
 
 use omnibase_platform::Pose2;
 use omnibase_trajectory::fastest::{Heat, Limit};
@@ -72,6 +72,12 @@ fn peak_mb(is_anew: bool) -> f64 {
 }
 
 fn main() {
+    // Cargo adds a flag of its own.
+    let asked: Vec<String> = std::env::args().skip(1).filter(|word| !word.starts_with('-')).collect();
+    let one = match &asked[..] {
+        [count, limits, runs] => Some((count.parse().unwrap(), limits, runs.parse().unwrap())),
+        _ => None,
+    };
     println!("| what | points | limits | CPU ms | memory MB | motion s |\n|---|---|---|---|---|---|");
     let joining = Joining { radius_m: 0.5, corner_rad: 0.52, tolerance_m: 0.05 };
     let with_jerk = |jerk_m_s3| Limits { jerk_m_s3, angular_jerk_rad_s3: 4.0 * jerk_m_s3, ..LIMITS };
@@ -86,9 +92,12 @@ fn main() {
         ("wheels, grip, heat, jerk 10 m/s³", PlatformBounds { limits: slow, ..wheels() }, &many[..2]),
     ] {
         for &count in counts {
+            if one.is_some_and(|(points, limits, _): (usize, _, usize)| points != count || limits != name) {
+                continue;
+            }
             let poses: Vec<Pose2> = (0..count).map(pose).collect();
             let mut duration_s = 0.0;
-            let runs = (20_000 / count).max(1);
+            let runs = one.map_or((20_000 / count).max(1), |(.., runs)| runs);
             let before_mb = peak_mb(true);
             let ms = mean_ms(runs, || {
                 let path = PiecewisePath::through(&poses, joining).unwrap();
@@ -97,6 +106,9 @@ fn main() {
             let mb = peak_mb(false) - before_mb;
             println!("| fastest | {count} | {name} | {ms:.2} | {mb:.1} | {duration_s:.3} |");
         }
+    }
+    if one.is_some() {
+        return;
     }
     for count in [20, 1000, 64_000, 1_000_000] {
         let point = |at: usize| PathPoint { time_s: 1.0 * at as f64, odom_from_base: pose(at) };

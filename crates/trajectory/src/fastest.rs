@@ -23,7 +23,7 @@ use crate::trajectory::{LONGEST_S, Setpoint, Trajectory};
 use bounds::Warming;
 use grid::{Excess, Grid};
 use optimum::Seen;
-use smooth::Progress;
+use smooth::{PARTS, Progress};
 
 /// A geometric path in the shortest time.
 #[derive(Clone, Debug)]
@@ -77,8 +77,10 @@ pub enum FastestError {
     },
 }
 
-/// Rounds of making the grid finer.
+/// Rounds of making the grid finer, and before the first search; one that halves no more than one of so many parts is the last.
 const ROUNDS: usize = 16;
+const FIRST_ROUNDS: usize = 2;
+const FEW: usize = 16;
 /// Rounds of lowering limits where the mean exceeds them; the rest is done by stretching the whole. After so many by more than asked for:
 /// few places are left, whose neighbours follow.
 const LOWERINGS: usize = 16;
@@ -90,9 +92,6 @@ const NEAR: f64 = 1e-3;
 const COSTS: f64 = 0.02;
 /// The best motion near the mean isn't compared with the smoothed one where it is longer than the mean by less than this part of it.
 const LONGER: f64 = 0.01;
-/// Where pieces of the progress are looked at: beside their joints, and between them.
-const LOOKS: [f64; 3] = [0.001, 0.5, 0.999];
-
 /// So far beside a joint of the way its sides are looked at, over the whole: rounding is far less.
 const BESIDE: f64 = 1e-9;
 
@@ -117,21 +116,38 @@ struct Start {
 }
 
 impl Start {
+    /// On the first grid.
     fn new(path: &impl GeometricPath, bounds: &PlatformBounds) -> Result<Start, FastestError> {
         let acceleration = bounds.acceleration();
-        let mut grid = Grid::new(path, bounds)?;
+        let grid = Grid::new(path, bounds)?;
         let mut reached = Reached::new(grid.intervals.len());
         reached.solve(&grid.intervals, &grid.most, &acceleration, [0.0, 0.0])?;
-        for _ in 0..ROUNDS {
-            let parts = grid.unresolved(path, bounds, &acceleration, &reached)?;
-            if !grid.split(path, bounds, &parts, &mut reached)? {
+        let window_s = bounds.first_window_s(&grid.intervals, &reached.x);
+        Ok(Start { grid, reached, acceleration, window_s })
+    }
+
+    /// Makes the grid finer, by so many rounds at most.
+    fn resolve(
+        &mut self,
+        path: &impl GeometricPath,
+        bounds: &PlatformBounds,
+        rounds: usize,
+    ) -> Result<(), FastestError> {
+        let Start { grid, reached, acceleration, .. } = self;
+        for _ in 0..rounds {
+            let parts = grid.unresolved(path, bounds, acceleration, reached)?;
+            if !grid.split(path, bounds, &parts, reached)? {
                 break;
             }
-            reached.solve(&grid.intervals, &grid.most, &acceleration, [0.0, 0.0])?;
+            reached.solve(&grid.intervals, &grid.most, acceleration, [0.0, 0.0])?;
+            // What is halved is then as fine as it must be, but for a share that doesn't count.
+            let halved = parts.iter().filter(|parts| **parts > 1).count();
+            if FEW * halved <= parts.len() && parts.iter().all(|parts| *parts <= 2) {
+                break;
+            }
         }
-        let window_s = bounds.first_window_s(&grid.intervals, &reached.x);
-        reached.is_new.fill(true);
-        Ok(Start { grid, reached, acceleration, window_s })
+        self.window_s = bounds.first_window_s(&self.grid.intervals, &self.reached.x);
+        Ok(())
     }
 
     /// The mean, with limits lowered so that it keeps them all.
@@ -143,6 +159,7 @@ impl Start {
     ) -> Result<Progress, FastestError> {
         let window_s = self.window_s;
         let (mut grid, mut reached) = (self.grid.clone(), self.reached.clone());
+        reached.is_new.fill(true);
         let joints = path.breaks();
         let mut calm: f64 = 0.0;
         let mut round = 0;
@@ -181,6 +198,11 @@ impl Start {
         }
     }
 
+    /// Whether the jerk costs so much, for the mean is longer by its window, that the best motion near by is worth its search.
+    fn is_costly(&self) -> bool {
+        self.window_s > COSTS * self.lasts_s()
+    }
+
     /// How long the motion takes without regard to jerk, s.
     fn lasts_s(&self) -> f64 {
         (0..self.grid.intervals.len()).map(|at| self.grid.lasts_s(&self.reached, at)).sum()
@@ -206,7 +228,10 @@ impl Start {
             let motion = FastestTrajectory::of(path, progress.clone());
             let mut paces = vec![1.0_f64; progress.piece_count()];
             motion.look(&looks, bounds, |piece, _, pace| paces[piece] = paces[piece].max(pace));
-            Seen { paces, squares: motion.warming(bounds).map_or_else(Vec::new, |warming| warming.squares()) }
+            Seen {
+                paces,
+                squares: motion.warming(bounds, PARTS).map_or_else(Vec::new, |warming| warming.squares()),
+            }
         };
         let costs = near.duration_s() / lasts_s - 1.0;
         optimum::shortest(path, bounds, near, [self.window_s, costs], look)
@@ -225,23 +250,37 @@ impl<P: GeometricPath> FastestTrajectory<P> {
         bounds: &PlatformBounds,
         is_so: impl Fn(&P, &Progress) -> bool,
     ) -> Result<FastestTrajectory<P>, FastestError> {
-        let start = Start::new(&path, bounds)?;
-        let mean = start.mean();
-        let lasts_s = start.lasts_s();
         // The mean looks past whatever is shorter than its window, and one window holds for the whole.
-        let near = |progress: &Progress| {
+        let near = |start: &Start, progress: &Progress| {
+            let lasts_s = start.lasts_s();
             if progress.duration_s() <= (1.0 + COSTS) * lasts_s {
                 return None;
             }
             start.shortest_near(&path, bounds, progress, lasts_s).filter(|found| is_so(&path, found))
         };
-        let mut best = near(&mean);
         // Lowered limits make the mean longer, never shorter.
-        let most_s = (1.0 + LONGER) * mean.duration_s();
-        if best.as_ref().is_none_or(|best| best.duration_s() > most_s) {
-            let smoothed = start.smoothed(&path, bounds, mean)?;
-            let others = [best.or_else(|| near(&smoothed)), Some(smoothed)];
-            best = others.into_iter().flatten().min_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
+        let is_short = |best: &Option<Progress>, mean: &Progress| {
+            best.as_ref().is_some_and(|best| best.duration_s() <= (1.0 + LONGER) * mean.duration_s())
+        };
+        let mut start = Start::new(&path, bounds)?;
+        // What the best motion is sought near to need not be told finely.
+        start.resolve(&path, bounds, FIRST_ROUNDS)?;
+        let mut best = None;
+        let mut is_found = false;
+        if start.is_costly() {
+            let mean = start.mean();
+            best = near(&start, &mean);
+            is_found = is_short(&best, &mean);
+        }
+        if !is_found {
+            start.resolve(&path, bounds, ROUNDS)?;
+            let mean = start.mean();
+            best = best.or_else(|| near(&start, &mean));
+            if !is_short(&best, &mean) {
+                let smoothed = start.smoothed(&path, bounds, mean)?;
+                let others = [best.or_else(|| near(&start, &smoothed)), Some(smoothed)];
+                best = others.into_iter().flatten().min_by(|a, b| a.duration_s().total_cmp(&b.duration_s()));
+            }
         }
         let progress = best.expect("the mean, at least");
         Ok(FastestTrajectory::of(path, progress))
@@ -272,25 +311,31 @@ impl<P: GeometricPath> FastestTrajectory<P> {
 
     /// Tells pieces of the progress with times and how many times as long the motion would have to take there to keep its limits.
     fn look(&self, looks: &Looks<'_>, bounds: &PlatformBounds, mut take: impl FnMut(usize, f64, f64)) {
-        let (mut at, mut joint, mut of_path) = (0, 0, 0);
+        let (mut interval, mut joint, mut of_path) = (0, 0, 0);
         let Looks { grid, joints, is_near, .. } = looks;
+        let at =
+            |axes: [[f64; 4]; 3], progress| Setpoint::from_axes(axes.map(|axis| over_time(axis, progress)));
+        // The way where the piece before ends.
+        let mut before = None;
         let beside = BESIDE * self.path.length();
         for piece in 0..self.progress.piece_count() {
-            let sigma = self.progress.in_piece(piece, 0.0).1[0];
-            while at + 1 < is_near.len() && grid.sigma[at + 1] <= sigma {
-                at += 1;
+            let (begin_s, begin) = self.progress.in_piece(piece, 0.0);
+            let sigma = begin[0];
+            while interval + 1 < is_near.len() && grid.sigma[interval + 1] <= sigma {
+                interval += 1;
             }
-            if !is_near[at] {
+            if !is_near[interval] {
+                before = None;
                 continue;
             }
-            for part in LOOKS {
-                let (time_s, progress) = self.progress.in_piece(piece, part);
-                take(piece, time_s, bounds.pace(&self.along(progress, 1.0, &mut of_path)));
-            }
+            let (end_s, end) = self.progress.in_piece(piece, 1.0);
+            let axes = before.unwrap_or_else(|| self.path.sample_near(sigma, 1.0, &mut of_path));
+            take(piece, begin_s, bounds.pace(&at(axes, begin)));
+            let (middle_s, middle) = self.progress.in_piece(piece, 0.5);
+            take(piece, middle_s, bounds.pace(&self.along(middle, 1.0, &mut of_path)));
             // Where the way's third derivative jumps, the jerk does: both sides of it count.
-            let end = self.progress.in_piece(piece, 1.0).1[0];
             joint += joints[joint..].iter().take_while(|joint| **joint <= sigma).count();
-            for sigma in joints[joint..].iter().take_while(|joint| **joint < end) {
+            for sigma in joints[joint..].iter().take_while(|joint| **joint < end[0]) {
                 let (time_s, progress) = self.progress.in_piece_at(piece, *sigma);
                 for side in [-1.0, 1.0] {
                     let [_, rate, second, third] = progress;
@@ -298,19 +343,28 @@ impl<P: GeometricPath> FastestTrajectory<P> {
                     take(piece, time_s, bounds.pace(&self.along(beside, side, &mut of_path)));
                 }
             }
+            // At its end the next piece begins: only the jerk jumps.
+            let axes = self.path.sample_near(end[0], 1.0, &mut of_path);
+            let next = joints[joint..].iter().find(|joint| **joint > end[0] - beside);
+            let is_at_joint = next.is_some_and(|joint| *joint < end[0] + beside);
+            let of_end = if is_at_joint { self.path.sample(end[0] - beside, -1.0) } else { axes };
+            take(piece, end_s, bounds.pace_of_jerk(&at(of_end, end)));
+            before = Some(axes);
         }
     }
 
-    /// How warm it makes motors, where that counts.
-    fn warming(&self, bounds: &PlatformBounds) -> Option<Warming> {
+    /// How warm it makes motors, where that counts, by so many of its pieces together.
+    fn warming(&self, bounds: &PlatformBounds, pieces: usize) -> Option<Warming> {
+        let heat = bounds.heat.as_ref()?;
+        let times_s: Vec<f64> = self.progress.times_s().iter().copied().step_by(pieces).collect();
         let mut of_path = 0;
-        let along = |piece, part| self.along(self.progress.in_piece(piece, part).1, 1.0, &mut of_path);
-        Some(bounds.heat.as_ref()?.warming(self.progress.times_s(), along))
+        let along = |time_s| self.along(self.progress.at(time_s), 1.0, &mut of_path);
+        Some(heat.warming(times_s, along))
     }
 
     /// Where motors become too hot.
     fn too_hot(&self, bounds: &PlatformBounds) -> Vec<Excess> {
-        let Some(warming) = self.warming(bounds) else { return Vec::new() };
+        let Some(warming) = self.warming(bounds, 1) else { return Vec::new() };
         let excess = |(times_s, load): ([f64; 2], f64)| Excess {
             between: times_s.map(|time_s| self.progress.at(time_s)[0]),
             pace: load.sqrt(),

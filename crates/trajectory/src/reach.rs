@@ -404,6 +404,10 @@ impl Scene {
     /// The least x at which some u keeps all limits, where `highest` is the greatest.
     fn lowest(&self, highest: f64) -> f64 {
         let mut x = 0.0;
+        // At rest all limits leave u = 0.
+        if self.target.is_some_and(|([low, _], _)| low == 0.0) {
+            return x;
+        }
         for _ in 0..STEPS {
             match self.nearer(x, 0) {
                 Some(next) if next > x && next < highest => x = next,

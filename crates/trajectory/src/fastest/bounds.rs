@@ -132,13 +132,46 @@ impl PlatformBounds {
     /// How many times as long the motion must take at a moment to keep every limit, at least 1.
     pub(super) fn pace(&self, setpoint: &Setpoint) -> f64 {
         let mut most: f64 = 1.0;
-        self.loads(setpoint, |limit, found, may| {
-            // Most moments are within all limits: only what exceeds one is worth a quotient and a root.
-            if found > may {
-                most = most.max(limit.stretch(found / may));
-            }
-        });
+        // Most moments are within all limits: only what exceeds one is worth a quotient and a root.
+        if !self.is_within(setpoint) {
+            self.loads(setpoint, |limit, found, may| {
+                if found > may {
+                    most = most.max(limit.stretch(found / may));
+                }
+            });
+        }
         most
+    }
+
+    /// The same by limits on jerk alone.
+    pub(super) fn pace_of_jerk(&self, setpoint: &Setpoint) -> f64 {
+        let Limits { jerk_m_s3, angular_jerk_rad_s3, .. } = self.limits;
+        if is_below(&setpoint.jerk_in_odom, jerk_m_s3, angular_jerk_rad_s3) {
+            return 1.0;
+        }
+        let paces = [Quantity::Jerk, Quantity::AngularJerk]
+            .map(|quantity| quantity.stretch(quantity.of(setpoint) / self.limits.of(quantity)));
+        paces.into_iter().fold(1.0, f64::max)
+    }
+
+    /// Whether a moment is within all limits.
+    fn is_within(&self, setpoint: &Setpoint) -> bool {
+        let limits = &self.limits;
+        let is_below = is_below(&setpoint.twist_in_odom, limits.speed_m_s, limits.rate_rad_s)
+            && is_below(
+                &setpoint.acceleration_in_odom,
+                limits.acceleration_m_s2,
+                limits.angular_acceleration_rad_s2,
+            )
+            && is_below(&setpoint.jerk_in_odom, limits.jerk_m_s3, limits.angular_jerk_rad_s3);
+        if !is_below || (self.wheel_speeds.is_empty() && self.planes.is_empty()) {
+            return is_below;
+        }
+        let [twist, acceleration] =
+            in_base(setpoint, [setpoint.twist_in_odom, setpoint.acceleration_in_odom]);
+        let mut is_within = self.wheel_speeds.iter().all(|row| dot(row, &twist).abs() <= 1.0);
+        self.planes_at(&twist, |_, plane, left| is_within &= dot(&plane.normal, &acceleration) <= left);
+        is_within
     }
 
     /// By how many times what it may the way turns along an interval, or the acceleration on it does, from x at its beginning to
@@ -193,19 +226,14 @@ pub(super) struct Warming {
 impl Heat {
     /// The root of the mean square of the warmest motor's torque in the worst window of a motion that begins cold.
     pub fn most(&self, motion: &impl Trajectory) -> f64 {
-        let times_s = motion.breaks_s();
-        let inside = |piece: usize, part: f64| {
-            motion.sample(times_s[piece] + part * (times_s[piece + 1] - times_s[piece]))
-        };
-        self.warming(&times_s, inside).windows().map(|(_, load)| load).fold(0.0, f64::max)
+        self.warming(motion.breaks_s(), |time_s| motion.sample(time_s))
+            .windows()
+            .map(|(_, load)| load)
+            .fold(0.0, f64::max)
     }
 
-    /// That of a motion whose acceleration is smooth between times, by its setpoint after a part of the piece behind each.
-    pub(super) fn warming(
-        &self,
-        times_s: &[f64],
-        mut setpoint: impl FnMut(usize, f64) -> Setpoint,
-    ) -> Warming {
+    /// That of a motion whose acceleration is all but linear between times, by its setpoints.
+    pub(super) fn warming(&self, times_s: Vec<f64>, mut setpoint: impl FnMut(f64) -> Setpoint) -> Warming {
         let mut sums = vec![Vec::with_capacity(times_s.len()); self.torques.len()];
         let mut totals = vec![0.0; self.torques.len()];
         for (at, time_s) in times_s.iter().enumerate() {
@@ -213,7 +241,7 @@ impl Heat {
                 let width_s = time_s - times_s[at - 1];
                 // Gauss and Legendre's rule of two points: exact where an acceleration is linear in time.
                 for part in [0.211_324_865_405_187_1, 0.788_675_134_594_812_9] {
-                    let setpoint = setpoint(at - 1, part);
+                    let setpoint = setpoint(times_s[at - 1] + part * width_s);
                     let [acceleration] = in_base(&setpoint, [setpoint.acceleration_in_odom]);
                     for (total, row) in totals.iter_mut().zip(&self.torques) {
                         *total += 0.5 * width_s * dot(row, &acceleration).powi(2);
@@ -222,7 +250,7 @@ impl Heat {
             }
             sums.iter_mut().zip(&totals).for_each(|(sum, total)| sum.push(*total));
         }
-        Warming { window_s: self.window_s, times_s: times_s.to_vec(), sums }
+        Warming { window_s: self.window_s, times_s, sums }
     }
 }
 
@@ -293,6 +321,11 @@ fn in_base<const N: usize>(setpoint: &Setpoint, twists_in_odom: [Twist2; N]) -> 
     twists_in_odom.map(|Twist2 { vx_m_s, vy_m_s, w_rad_s }| {
         [cos * vx_m_s + sin * vy_m_s, cos * vy_m_s - sin * vx_m_s, w_rad_s]
     })
+}
+
+/// Whether a twist, or a rate of it, is within two limits, told without a root.
+fn is_below(twist: &Twist2, along: f64, turn: f64) -> bool {
+    twist.vx_m_s.powi(2) + twist.vy_m_s.powi(2) <= along.powi(2) && twist.w_rad_s.abs() <= turn
 }
 
 fn dot(a: &[f64; 3], b: &[f64; 3]) -> f64 {

@@ -12,8 +12,9 @@ use crate::reach::{AccelerationBounds, Bend, Interval, Middle, Reached};
 const FIRST: f64 = 64.0;
 /// What halving all intervals may still gain, over the whole time; those that gain no more than their share of it stay.
 const RESOLVED: f64 = 2e-4;
-/// An interval that gains so many times its share is quartered; into more than so many none is split at once.
+/// An interval that gains so many times its share is split into so many; into more than the most none is at once.
 const COARSE: f64 = 8.0;
+const GAINING: usize = 4;
 const MOST_PARTS: usize = 8;
 /// Most intervals of a grid, and of each piece: a way that asks for more has limits, or lengths, that rounding doesn't tell apart.
 const MOST_INTERVALS: usize = 1 << 18;
@@ -150,14 +151,19 @@ impl Grid {
                 return Ok(MOST_PARTS);
             }
             let interval = &self.intervals[at];
-            let (bend, most) = looker.look(0.5 * (self.sigma[at] + self.sigma[at + 1]), 1.0)?;
             let ends = [reached.x[at], reached.x[at + 1]];
+            let turns = bounds.turn(interval, ends).ceil().clamp(1.0, MOST_PARTS as f64) as usize;
+            // A gain asks for no more.
+            if turns >= GAINING {
+                return Ok(turns);
+            }
+            let (bend, most) = looker.look(0.5 * (self.sigma[at] + self.sigma[at + 1]), 1.0)?;
             let between = middle.highest(interval, &bend, most, ends, acceleration).max(0.0).sqrt();
             let halved_s = interval.length * (1.0 / (speed(at) + between) + 1.0 / (between + speed(at + 1)));
             // What it would take longer by, it exceeds limits by.
             let gain_s = (now_s - halved_s).abs();
-            let parts = if gain_s > COARSE * share_s { 4 } else { 1 + usize::from(gain_s > share_s) };
-            Ok(parts.max(bounds.turn(interval, ends).ceil().clamp(1.0, MOST_PARTS as f64) as usize))
+            let parts = if gain_s > COARSE * share_s { GAINING } else { 1 + usize::from(gain_s > share_s) };
+            Ok(parts.max(turns))
         });
         parts.collect()
     }

@@ -30,23 +30,24 @@ const SEARCHES: usize = 4;
 const UNEVEN: f64 = 0.02;
 /// Rounds of lowering limits, until none is exceeded by more; a last stretch takes that away.
 const ROUNDS: usize = 4;
-const NEAR: f64 = 1e-3;
+const NEAR: f64 = 5e-4;
 /// Rounds where motors become too hot: what their heat costs is found, too.
 const HOT_ROUNDS: usize = 16;
-/// And until the greatest mean square is so near to what they bear.
+/// And until the greatest mean square is so near to what they bear, or above it by no more.
 const HEAT_LEFT: f64 = 0.01;
+const TOO_HOT: f64 = 1e-3;
 /// Gauss and Legendre's rule of three points.
 const GAUSS: [[f64; 2]; 3] =
     [[0.112_701_665_379_258_3, 5.0 / 18.0], [0.5, 8.0 / 18.0], [0.887_298_334_620_741_7, 5.0 / 18.0]];
-/// What all prices make of the time at the end of the first round, and of others.
+/// What all prices make of the time before it is told whether a motion is sought again, and at the end.
 const FIRST_GAP: f64 = 1e-2;
 const LAST_GAP: f64 = 1e-3;
 
-/// What limits and motors say to a motion, by its pieces.
+/// What limits and motors say to a motion.
 pub(super) struct Seen {
-    /// By how many times longer it must take to keep the limits.
+    /// By how many times longer each of its pieces must take to keep the limits.
     pub(super) paces: Vec<f64>,
-    /// Of each motor the greatest mean square of its torque, over what it bears for ever, in any window that the piece lies in.
+    /// Of each motor the greatest mean square of its torque, over what it bears for ever, in any window that a step lies in.
     pub(super) squares: Vec<Vec<f64>>,
 }
 
@@ -87,12 +88,16 @@ impl Span {
         near.rests_s().windows(2).map(span).collect()
     }
 
-    /// Moves to the least time but for a gap, from within limits that it exceeds by so much.
-    fn solve(&mut self, most: f64, last_gap: f64) {
-        // Slower as a whole, so that it is within the limits as they are now.
+    /// Begins slower as a whole, so that it is within limits that it exceeds by so much.
+    fn begin(&mut self, most: f64) {
         let within = if self.bars.is_empty() { WITHIN } else { WITHIN_AGAIN };
         let factor = (most * within).powi(-2);
         self.states.as_flattened_mut().iter_mut().for_each(|part| *part *= factor);
+        self.scene.begin(&self.states, &mut self.bars);
+    }
+
+    /// Moves to the least time but for a gap.
+    fn solve(&mut self, last_gap: f64) {
         self.scene.solve(&mut self.states, &mut self.bars, last_gap);
     }
 
@@ -108,6 +113,16 @@ impl Span {
         }
         time_s
     }
+}
+
+/// The motion of all spans, one after the other.
+fn together(spans: &[Span], length: f64) -> Progress {
+    let (mut knots, mut time_s) = (Vec::new(), 0.0);
+    for span in spans {
+        time_s = span.push_knots(time_s, &mut knots);
+    }
+    knots.push((time_s, [length, 0.0, 0.0]));
+    Progress::through(&knots)
 }
 
 /// How far the rates of motions are off those that they are sought near to, in the mean.
@@ -132,38 +147,33 @@ pub(super) fn shortest<P: GeometricPath>(
     let mut near = near.clone();
     for search in 1..=SEARCHES {
         let Some(mut spans) = Span::all(path, bounds, &near, [window_s, costs], &joints) else { break };
-        let (mut most, mut round, mut rounds) = (1.0, 1, ROUNDS);
+        for span in &mut spans {
+            span.begin(1.0);
+            span.solve(FIRST_GAP);
+        }
+        // What goes so much faster or slower is sought near to again: its steps are then even in its own time.
+        if search < SEARCHES && unevenness(&spans) > UNEVEN {
+            near = together(&spans, path.length());
+            continue;
+        }
+        let (mut round, mut rounds) = (1, ROUNDS);
         loop {
-            let (mut knots, mut time_s) = (Vec::new(), 0.0);
-            for span in &mut spans {
-                span.solve(most, if round == 1 { FIRST_GAP } else { LAST_GAP });
-                time_s = span.push_knots(time_s, &mut knots);
-            }
-            knots.push((time_s, [path.length(), 0.0, 0.0]));
-            let mut found = Progress::through(&knots);
-            // What goes so much faster or slower is sought near to again: its steps are then even in its own time.
-            let begins_again = round == 1 && search < SEARCHES && unevenness(&spans) > UNEVEN;
-            if begins_again {
-                near = found.clone();
-            }
+            spans.iter_mut().for_each(|span| span.solve(LAST_GAP));
+            let mut found = together(&spans, path.length());
             let seen = look(&found);
             let hottest = seen.squares.iter().flatten().copied().fold(0.0, f64::max);
-            most = seen.paces.iter().copied().fold(1.0, f64::max);
+            let most = seen.paces.iter().copied().fold(1.0, f64::max);
             found.stretch(most);
-            let is_cool = hottest <= 1.0 + NEAR;
+            let is_cool = hottest <= 1.0 + TOO_HOT;
             if is_cool && best.as_ref().is_none_or(|best| found.duration_s() < best.duration_s()) {
                 best = Some(found);
-            }
-            if begins_again {
-                break;
             }
             // Where heat costs anything, it is as hot as it may be.
             let is_hot = !is_cool || spans.iter().any(|span| span.scene.pays());
             if is_hot {
                 rounds = HOT_ROUNDS;
             }
-            let is_done =
-                round > 1 && most <= 1.0 + NEAR && is_cool && (!is_hot || hottest > 1.0 - HEAT_LEFT);
+            let is_done = most <= 1.0 + NEAR && is_cool && (!is_hot || hottest > 1.0 - HEAT_LEFT);
             if is_done || round == rounds {
                 return best;
             }
@@ -172,14 +182,15 @@ pub(super) fn shortest<P: GeometricPath>(
             for Span { scene, states, .. } in &mut spans {
                 for step in 0..states.len() {
                     let pieces = PARTS * (first + step)..PARTS * (first + step + 1);
-                    let pace = seen.paces[pieces.clone()].iter().copied().fold(1.0, f64::max);
+                    let pace = seen.paces[pieces].iter().copied().fold(1.0, f64::max);
                     scene.lower(step, pace);
                     for motor in 0..scene.motors {
-                        scene.charge([step, motor], seen.squares[motor][pieces.start]);
+                        scene.charge([step, motor], seen.squares[motor][first + step]);
                     }
                 }
                 first += states.len();
             }
+            spans.iter_mut().for_each(|span| span.begin(most));
         }
     }
     best
