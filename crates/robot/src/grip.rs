@@ -387,23 +387,14 @@ impl Grip {
     /// Which wheels turn alone: by what a law of torque swings by itself, or one of speed on purpose.
     fn ask(&mut self, wished: &Wished, motion: &Motion, shown: &Shown, pushes_n: &[f64; MAX_WHEELS]) {
         let (more_m_s2, span_s) = (self.unexplained(motion, shown), motion.period_s);
-        let mut rims = [Rim::default(); MAX_WHEELS];
-        let rows = self.kinematics.matrix().iter().zip(pushes_n);
-        let part = self.extent.part(wished.acceleration);
-        let needed = self.needed(motion, shown.learnt_kg);
-        for (at, ((rim, wheel), (row, push_n))) in rims.iter_mut().zip(&self.wheels).zip(rows).enumerate() {
-            let along_m_s2: f64 = row.iter().zip(wished.acceleration).map(|(row, axis)| row * axis).sum();
-            let Wheel { rim_m_s, gains_m_s2, force_n: motor_n, .. } = *wheel;
-            let needed_n = needed.map_or(0.0, |wrench| self.sliding.share_n(at, wrench));
-            *rim = Rim { asked_m_s2: part * along_m_s2, gains_m_s2, rim_m_s, motor_n, needed_n };
-            self.alone.take(at, motor_n, *push_n, span_s);
+        let wheels = self.wheels.iter().zip(pushes_n).take(self.kinematics.wheel_count());
+        for (at, (wheel, push_n)) in wheels.enumerate() {
+            self.alone.take(at, wheel.force_n, *push_n, span_s);
         }
         if wished.by_torque {
             self.alone.see();
         } else {
-            let rims = &rims[..self.kinematics.wheel_count()];
-            let along = self.along(&wished.acceleration, motion);
-            self.alone.hear(&self.probe.look(&wished.time, rims, &along), self.wheel_kg);
+            self.hear(wished, motion, shown.learnt_kg);
         }
         self.alone.look(more_m_s2, motion.turn_rad_s, span_s);
         for (at, (wheel, row)) in self.wheels.iter_mut().zip(self.kinematics.matrix()).enumerate() {
@@ -414,12 +405,30 @@ impl Grip {
         }
     }
 
-    /// The wrench that the rims' acceleration takes by what was learnt, of a platform that weighs so much at least, kg; `None` where
-    /// wheels may do each other's part of it.
-    fn needed(&self, motion: &Motion, least_kg: f64) -> Option<[f64; 3]> {
+    /// What a law of speed swings on purpose, and what each wheel's motor moves by it, of a platform that weighs so much at least, kg.
+    fn hear(&mut self, wished: &Wished, motion: &Motion, least_kg: f64) {
+        let part = self.extent.part(wished.acceleration);
+        let asked = wished.acceleration.map(|axis| part * axis);
+        let needed = self.needed(asked, least_kg);
+        let mut rims = [Rim::default(); MAX_WHEELS];
+        let wheels = self.wheels.iter().zip(self.kinematics.matrix());
+        for (at, (rim, (wheel, row))) in rims.iter_mut().zip(wheels).enumerate() {
+            let asked_m_s2 = row.iter().zip(asked).map(|(row, axis)| row * axis).sum();
+            let Wheel { rim_m_s, gains_m_s2, force_n: motor_n, .. } = *wheel;
+            let needed_n = needed.map_or(0.0, |wrench| self.sliding.share_n(at, wrench));
+            *rim = Rim { asked_m_s2, gains_m_s2, rim_m_s, motor_n, needed_n };
+        }
+        let along = self.along(&wished.acceleration, motion);
+        let rims = &rims[..self.kinematics.wheel_count()];
+        self.alone.hear(&self.probe.look(&wished.time, rims, &along), self.wheel_kg);
+    }
+
+    /// The wrench that an acceleration takes by what was learnt, of a platform that weighs so much at least, kg; `None` where wheels may do
+    /// each other's part of it.
+    fn needed(&self, asked: [f64; 3], least_kg: f64) -> Option<[f64; 3]> {
         let dynamics = self.identification.dynamics();
         let sure = (least_kg / dynamics.mass_kg).clamp(0.0, 1.0);
-        let wrench = dynamics.wrench(motion.acceleration, motion.turn_rad_s);
+        let wrench = dynamics.wrench(asked, 0.0);
         (self.kinematics.wheel_count() <= wrench.len()).then(|| wrench.map(|part| sure * part))
     }
 

@@ -287,7 +287,8 @@ pub trait Controller: Send {
         Quantity::Speed
     }
 
-    /// Whether it swings the acceleration that it asks for, at 18 Hz by 0.04 of it, or up to 0.4: a wheel whose push doesn't follow slips then.
+    /// Whether it swings the acceleration that it asks for, at 18 Hz: a wheel whose push doesn't follow slips then. By 0.04 of it, gentle
+    /// ones by up to 0.1 m/s², as the built-in laws do: who swings by less than half of that tells nothing.
     fn asks_floor(&self) -> bool {
         false
     }

@@ -253,7 +253,7 @@ fn by_speed_what_goes_gently_is_told_too_and_so_is_a_wheel_that_bears_little() {
             let case = Case { friction, payload_kg, off_centre_m, ..case(BMM, law, path) };
             let slid = case.ride();
             println!("{} {:.1} mm apart", case.row(&slid), 1e3 * slid.apart_m);
-            assert!(slid.told.is_some() && slid.apart_m < 0.06, "{}: {slid:?}", case.row(&slid));
+            assert!(slid.told.is_some() && slid.apart_m < 0.08, "{}: {slid:?}", case.row(&slid));
         }
     }
 }
