@@ -451,6 +451,7 @@ impl<L: Link> CyclicBus<L> {
             batch: &mut self.batch,
             acyclic: &mut self.acyclic,
             status: self.status,
+            health: self.diagnosis.health(),
             clock: self.clock.last(),
             cycle: self.cycle,
             turns: &self.plan.turns,

@@ -297,26 +297,30 @@ fn a_session_that_goes_without_its_end_takes_the_drives_out_of_op() {
     assert_eq!(states(&link), [AlState::Init; 3]);
 }
 
-/// Who is known to be lost isn't told as somebody who refuses a register.
+/// Who is known to be lost isn't told as somebody who refuses a register; whose firmware hangs answers all the same.
 #[test]
 fn the_way_back_without_a_lost_drive_says_that_it_does_not_answer() {
-    let plan = plan(&[]);
-    let (segment, _machine) = simulated::segment(&plan).unwrap();
-    let (mut link, clock) = in_process(segment);
-    let injector = link.segment_mut().injector();
-    let mut session = Session::prepare(&mut link, clock, &plan, &mut |_| ()).unwrap();
-    assert!(session.reach_op(&AtomicBool::new(false)).unwrap());
-    injector.inject(2, Fault::PowerOff);
-    for _ in 0..100 {
-        session.exchange().unwrap();
+    let frozen = Fault::Application(ApplicationFault::Frozen(true));
+    let cases = [
+        (Fault::PowerOff, "SubDevice 2 did not answer at its station address"),
+        (frozen, "SubDevice 2 does not take register 0x0120"),
+    ];
+    for (fault, expected) in cases {
+        let plan = plan(&[]);
+        let (segment, _machine) = simulated::segment(&plan).unwrap();
+        let (mut link, clock) = in_process(segment);
+        let injector = link.segment_mut().injector();
+        let mut session = Session::prepare(&mut link, clock, &plan, &mut |_| ()).unwrap();
+        assert!(session.reach_op(&AtomicBool::new(false)).unwrap());
+        injector.inject(2, fault);
+        for _ in 0..100 {
+            session.exchange().unwrap();
+        }
+        let words = session.end().unwrap_err().to_string();
+        assert!(words.starts_with(&format!("on the way to INIT: {expected}")), "{words}");
+        drop(session);
+        assert_eq!(states(&link)[..2], [AlState::Init; 2]);
     }
-    let words = session.end().unwrap_err().to_string();
-    assert!(
-        words.starts_with("on the way to INIT: SubDevice 2 did not answer at its station address"),
-        "{words}"
-    );
-    drop(session);
-    assert_eq!(states(&link)[..2], [AlState::Init; 2]);
 }
 
 /// The drives' watchdog as it was written, and a chip that took another one.

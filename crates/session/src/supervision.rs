@@ -15,7 +15,8 @@ use std::time::Duration;
 
 use omnibase_cia402::{DriveState, ErrorCode};
 use omnibase_ethercat::cyclic::{
-    AcyclicCompletion, CAPACITY, Comeback, CyclicBus, Goal, Health, RecoveryError, TransitionStatus,
+    AcyclicCompletion, CAPACITY, Comeback, CycleCounters, CyclicBus, Goal, Health, RecoveryError,
+    TransitionStatus,
 };
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{HostTime, Link, RingState};
@@ -122,8 +123,8 @@ pub struct Supervisor {
     absent: String,
     /// Since when nothing comes back.
     silent_since: Option<HostTime>,
-    /// Frames that had come late when that began.
-    late_before: u64,
+    /// What was counted when that began.
+    counted_before: CycleCounters,
     /// That the interface sees no link was said of this silence.
     link_told: bool,
     /// What others had done beside the cycle, and has ended.
@@ -194,7 +195,7 @@ impl Supervisor {
             surplus: 0,
             absent,
             silent_since: None,
-            late_before: 0,
+            counted_before: CycleCounters::default(),
             link_told: false,
             ended: VecDeque::with_capacity(CAPACITY),
         }
@@ -249,7 +250,7 @@ impl Supervisor {
         let cycles = bus.nothing_back();
         if cycles >= SILENCE && self.silent_since.is_none() {
             self.silent_since = Some(now);
-            self.late_before = bus.counters().late;
+            self.counted_before = bus.counters();
             self.totals.silences += 1;
             let first = self.all.first().map_or("SubDevice 0", |one| one.figures.name.as_str());
             // That it sees one proves nothing: drivers notice late that it went.
@@ -267,11 +268,14 @@ impl Supervisor {
         {
             let after = (now - since).as_secs_f64();
             let words = format_args!("something behind the interface answers again after {after:.3} s");
-            // What comes late was on its way: no cable was out.
-            self.say(match bus.counters().late.saturating_sub(self.late_before) {
-                0 => Words::new(words),
-                late => {
-                    Words::new(format_args!("{words}: {late} frames came late, so who answers was held up"))
+            let (counted, before) = (bus.counters(), self.counted_before);
+            let [late, lost] = [counted.late - before.late, counted.frames_lost - before.frames_lost];
+            // What comes late was on its way; a few of many may be what waited somewhere for a cable.
+            let is_pause = late > 0 && 2 * late >= lost && !self.link_told;
+            self.say(match is_pause {
+                false => Words::new(words),
+                true => {
+                    Words::new(format_args!("{words}: frames came late, so who answers was held up ({late})"))
                 }
             });
         }

@@ -155,10 +155,15 @@ pub(crate) fn who(drive: &FoundDrive) -> String {
 
 /// Whether somebody may be the drive that was found: it has its numbers, or the alias that was written into it meanwhile.
 pub(crate) fn is_it(was: &FoundDrive, now: &FoundDrive) -> bool {
-    let numbers = |one: &FoundDrive| (one.vendor_id, one.product_code, one.serial);
     let has_alias = now.alias == was.alias || was.written_alias.is_some() && now.alias == was.written_alias;
     let shows = was.identification.is_none() || now.identification == was.identification;
-    numbers(was) == numbers(now) && has_alias && shows
+    has_its_numbers(was, now) && has_alias && shows
+}
+
+/// Whether two may be one drive, by what nobody writes into it.
+pub(crate) fn has_its_numbers(was: &FoundDrive, now: &FoundDrive) -> bool {
+    let numbers = |one: &FoundDrive| (one.vendor_id, one.product_code, one.serial);
+    numbers(was) == numbers(now)
 }
 
 /// A SubDevice by what tells it from others.

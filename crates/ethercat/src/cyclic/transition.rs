@@ -6,6 +6,7 @@ use core::time::Duration;
 
 use super::acyclic::Acyclic;
 use super::batch::{ATTEMPTS, Access, Batch, Item, ItemState};
+use super::diagnosis::Health;
 use super::error::{Programmed, TransitionError};
 use super::sync::Sync0;
 use super::{Exchange, SegmentStatus};
@@ -26,6 +27,8 @@ pub(super) struct View<'a> {
     pub batch: &'a mut Batch,
     pub acyclic: &'a mut Acyclic,
     pub status: Option<SegmentStatus>,
+    /// As it was known in OP.
+    pub health: &'a [Health],
     pub clock: Option<DcTime>,
     /// Number of the cycle, and whose process data go in which.
     pub cycle: u64,
@@ -185,7 +188,7 @@ impl Transition {
             ClockUse::Steer { .. } => member.clock.is_some(),
         };
         if self.loaded {
-            if let Some(failed) = refused(view.batch.items(), view.now - self.since) {
+            if let Some(failed) = refused(view, view.now - self.since) {
                 return self.fail(failed, view.now);
             }
             let difference = |item: &Item| signed_difference(u32_at(&item.data, 0));
@@ -222,7 +225,7 @@ impl Transition {
     fn write(&mut self, view: &mut View<'_>) -> Option<Progress> {
         if self.loaded {
             if self.step != Step::CyclicControl
-                && let Some(failed) = refused(view.batch.items(), view.now - self.since)
+                && let Some(failed) = refused(view, view.now - self.since)
             {
                 return self.fail(failed, view.now);
             }
@@ -419,14 +422,19 @@ impl Transition {
     }
 }
 
-fn refused(items: &[Item], after: Duration) -> Option<TransitionError> {
-    items.iter().find_map(|item| match item.state {
+fn refused(view: &View<'_>, after: Duration) -> Option<TransitionError> {
+    let are_all_there = view.status.is_some_and(|status| usize::from(status.answered) >= view.members.len());
+    let is_away = |position: u16| {
+        !are_all_there
+            || view.health.get(usize::from(position)).is_some_and(|health| *health == Health::Silent)
+    };
+    view.batch.items().iter().find_map(|item| match item.state {
         ItemState::Failed { found } => {
             let (position, register) = (item.position, item.register);
             Some(match found {
                 Found::Nothing => TransitionError::RegisterUnheard { position, register },
-                // Every chip has this one: nobody is there.
-                Found::WorkingCounter(0) if register == register::AL_CONTROL => {
+                // Every chip has this one, but takes no request where its firmware hasn't read the last.
+                Found::WorkingCounter(0) if register == register::AL_CONTROL && is_away(position) => {
                     TransitionError::Unreachable { position, after }
                 }
                 Found::WorkingCounter(working_counter) => {

@@ -104,6 +104,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     anyhow::ensure!((1..=500).contains(&torque), "--torque-per-mille {torque}: expected 1 to 500");
     let base = small_file::text(&arguments.robot)?;
     let (state, told) = (beside(&arguments.output, "state.json"), beside(&arguments.output, "record.md"));
+    let plan = robot_file::plan(&base, &Registry::with_built_in())?;
     // Two that write one state would each lose what the other found.
     let _sole = FileLock::take(&state)?;
     let before = match kept_record(&state) {
@@ -127,7 +128,6 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
             Record { written, writing, jogged, ..Record::default() }
         }
     };
-    let plan = robot_file::plan(&base, &Registry::with_built_in())?;
     let wished = Wished {
         cycle: Duration::from_nanos(plan.bus.cycle_ns),
         wheel_speed_rad_s: speed,

@@ -16,7 +16,7 @@ use omnibase_ethercat::wire::{Clock, Link, LinkError};
 use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
 
 use super::at_start::AtStart;
-use super::{Guide, SetupError, in_words, is_it, seen, who};
+use super::{Guide, SetupError, has_its_numbers, in_words, is_it, seen, who};
 use crate::drive::DriveMap;
 use crate::record::FoundDrive;
 
@@ -59,8 +59,14 @@ impl<C: Clock> Guide<'_, C> {
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan().map_err(|error| in_words(&error))?;
         self.are_those_found(&bus)?;
-        if self.record.jogged.is_empty() {
-            self.record.jogged = self.record.drives.clone();
+        let before = self.record.jogged.clone();
+        let is_kept = |drive: &&FoundDrive| {
+            before.iter().any(|one| has_its_numbers(one, drive) && one.was == drive.was)
+        };
+        let new: Vec<FoundDrive> =
+            self.record.drives.iter().filter(|drive| !is_kept(drive)).cloned().collect();
+        if !new.is_empty() {
+            self.record.jogged.extend(new);
             self.kept();
         }
         let cycle_ns = self.wished.cycle.as_nanos() as u32;

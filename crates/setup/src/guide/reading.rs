@@ -11,8 +11,8 @@ use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 
 use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE};
-use super::{Guide, SetupError, in_words, is_it, is_product, seen, who};
-use crate::record::{FoundDevice, FoundDrive, Step};
+use super::{Guide, SetupError, has_its_numbers, in_words, is_it, is_product, seen, who};
+use crate::record::{FoundDevice, FoundDrive, Record, Step};
 
 /// The profile of drives in 0x1000.
 const DRIVES: u32 = 402;
@@ -226,7 +226,25 @@ impl<C: Clock> Guide<'_, C> {
                 }
             }
         }
-        if failed.is_empty() && !self.record.drives.is_empty() {
+        for drive in &self.record.drives {
+            let has = |object| drive.was.iter().any(|(index, subindex, _)| (*index, *subindex) == object);
+            let its = self.record.jogged.iter().filter(|one| has_its_numbers(one, drive));
+            if its.flat_map(|one| &one.was).any(|(index, subindex, _)| !has((*index, *subindex))) {
+                failed.push(format!(
+                    "SubDevice {}: not all that it held before it was jogged is known, so that is as the jog left it",
+                    drive.position
+                ));
+            }
+        }
+        for one in &self.record.jogged {
+            if !self.record.drives.iter().any(|drive| has_its_numbers(one, drive)) {
+                failed.push(format!(
+                    "{} was jogged and isn't among the drives that were found: its max torque, mode and synchronisation are as the jog left them",
+                    who(one)
+                ));
+            }
+        }
+        if failed.is_empty() {
             self.record.jogged.clear();
         }
         failed.into_iter().for_each(|text| self.tell_found(text));
@@ -255,6 +273,8 @@ impl<C: Clock> Guide<'_, C> {
     /// The file's parameters against what the drives hold: shown, written where wished, stored where wished.
     pub(super) fn parameters(&mut self) -> Result<bool, SetupError> {
         let mut bus = self.bus()?;
+        // Whatever is written now is written into those that were jogged.
+        self.are_those_found(&bus)?;
         self.put_back(&mut bus);
         let drives = self.record.drives.clone();
         for drive in drives.iter().filter(|drive| drive.wheel.is_some()) {
@@ -305,12 +325,13 @@ impl<C: Clock> Guide<'_, C> {
             if choice == "leave them" {
                 continue;
             }
-            for (object, data) in differing {
-                let written = bus.sdo_write(drive.position, object, &data);
+            for (object, bytes) in differing {
+                let written = bus.sdo_write(drive.position, object, &bytes);
                 let back = written.and_then(|()| bus.sdo_read(drive.position, object, SdoAccess::Entry));
-                let data = number(&data);
+                let data = number(&bytes);
                 match back.map(|back| number(&back)) {
                     Ok(back) if back == data => {
+                        self.keep_wished(drive, object, &bytes);
                         self.record.note(format!("{wheel}: {object} written: {data}"))
                     }
                     Ok(back) => {
@@ -332,14 +353,27 @@ impl<C: Clock> Guide<'_, C> {
         }
         Ok(true)
     }
+
+    /// What somebody had written into a drive is what is put back from then on.
+    pub(super) fn keep_wished(&mut self, drive: &FoundDrive, object: ObjectAddress, bytes: &[u8]) {
+        let Record { drives, jogged, .. } = &mut self.record;
+        let its = |one: &&mut FoundDrive| one.position == drive.position && has_its_numbers(one, drive);
+        for was in drives.iter_mut().chain(jogged).filter(its).flat_map(|one| &mut one.was) {
+            if (was.0, was.1) == (object.index, object.subindex) {
+                was.2 = bytes.to_vec();
+            }
+        }
+    }
 }
 
 /// Takes what a drive held before its first jog for what it was found with; in words what nobody knows, for drives that look alike
 /// may have been swapped.
 pub(super) fn recall(jogged: &[FoundDrive], drive: &mut FoundDrive) -> Vec<String> {
-    let was_it = |one: &&FoundDrive| is_it(&FoundDrive { identification: None, ..(*one).clone() }, drive);
-    let before: BTreeSet<&(u16, u8, Vec<u8>)> =
-        jogged.iter().filter(was_it).flat_map(|one| &one.was).collect();
+    let alike: Vec<&FoundDrive> = jogged.iter().filter(|one| has_its_numbers(one, drive)).collect();
+    // Its alias may have been written since.
+    let has_alias = alike.iter().any(|one| one.alias == drive.alias);
+    let its = alike.into_iter().filter(|one| !has_alias || one.alias == drive.alias);
+    let before: BTreeSet<&(u16, u8, Vec<u8>)> = its.flat_map(|one| &one.was).collect();
     let objects: BTreeSet<(u16, u8)> =
         before.iter().map(|(index, subindex, _)| (*index, *subindex)).collect();
     let mut unknown = Vec::new();

@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{HostTime, LinkError};
 use omnibase_ethercat_sim::VirtualClock;
 
@@ -261,6 +262,66 @@ fn what_was_there_before_the_first_jog_is_remembered_where_drives_are_found_agai
         guide.find().unwrap();
         assert_eq!(max_torque(&guide.record), as_found, "as the drives have it now");
     });
+}
+
+/// A drive that took a jogged one's place before all were found again is remembered, too; the one that is gone isn't forgotten.
+#[test]
+fn a_drive_in_the_place_of_a_jogged_one_is_remembered_and_that_one_is_told() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+        let (segment, _) = omnibase_run::simulated::segment(&plan).map_err(|error| error.to_string())?;
+        let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+        Ok((Box::new(link), clock))
+    };
+    let gone = FoundDrive { serial: 12_345, position: 2, ..FoundDrive::default() };
+    let record = Record { jogged: vec![gone.clone()], ..Record::default() };
+    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
+        guide.find().unwrap();
+        guide.operational().unwrap();
+        assert_eq!(guide.record.jogged.len(), 4);
+        guide.operational().unwrap();
+        assert_eq!(guide.record.jogged.len(), 4, "once each");
+        guide.leave_as_found();
+        let words = guide.record.findings.join("\n");
+        assert!(words.contains("serial 12345 was jogged and isn't among the drives"), "{words}");
+        assert!(guide.record.jogged.contains(&gone));
+        // What nobody knows isn't put back, so it stays remembered.
+        guide.record.jogged.retain(|one| *one != gone);
+        let was = guide.record.drives[0].was.clone();
+        guide.record.drives[0].was.retain(|(index, ..)| *index != at_start::MAX_TORQUE);
+        guide.leave_as_found();
+        assert!(guide.record.findings.join("\n").contains("SubDevice 0: not all that it held before"));
+        assert_eq!(guide.record.jogged.len(), 3);
+        guide.record.drives[0].was = was;
+        guide.leave_as_found();
+        assert_eq!(guide.record.jogged, []);
+        // What somebody had written is what is put back.
+        let drive = guide.record.drives[1].clone();
+        let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+        guide.keep_wished(&drive, torque, &[0xD0, 0x07]);
+        let of = |drive: &FoundDrive| {
+            drive.was.iter().find(|(index, ..)| *index == at_start::MAX_TORQUE).unwrap().2.clone()
+        };
+        let torques: Vec<Vec<u8>> = guide.record.drives.iter().map(of).collect();
+        assert_eq!(torques, [vec![0xB8, 0x0B], vec![0xD0, 0x07], vec![0xB8, 0x0B]]);
+    });
+}
+
+/// Its alias is written after its first jog: it is the same drive all the same.
+#[test]
+fn what_a_drive_was_before_is_remembered_where_it_got_an_alias_since() {
+    let drive = |alias, torque: u16| FoundDrive {
+        alias,
+        was: vec![(at_start::MAX_TORQUE, 0, torque.to_le_bytes().to_vec())],
+        ..FoundDrive::default()
+    };
+    let mut named = drive(Some(77), 100);
+    assert!(reading::recall(&[drive(None, 3000)], &mut named).is_empty());
+    assert_eq!(named, drive(Some(77), 3000));
+    // Where one of them has it, the others aren't meant.
+    let mut named = drive(Some(77), 100);
+    assert!(reading::recall(&[drive(None, 2500), drive(Some(77), 3000)], &mut named).is_empty());
+    assert_eq!(named, drive(Some(77), 3000));
 }
 
 /// Of drives that look alike and were different before nobody knows whose is whose: it is told, and nothing is written.

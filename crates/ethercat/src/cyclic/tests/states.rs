@@ -40,6 +40,18 @@ fn what_keeps_a_segment_from_op_is_named() {
     let words =
         "SubDevice 0 does not take register 0x09a0: working counter 0 where working counter 1 was expected";
     assert_eq!(error.to_string(), words);
+    // A chip whose firmware hasn't read the last request takes no other: it is there, unlike one that is lost.
+    for (is_there, words) in
+        [(true, "SubDevice 0 does not take register 0x0120"), (false, "SubDevice 0 did not answer")]
+    {
+        let mut bench = Bench::in_op(3);
+        bench.segment().refuses = is_there.then_some(0x0120);
+        bench.segment().alive[0] = is_there;
+        let TransitionStatus::Failed(error) = bench.to(Goal::Init) else {
+            panic!("{:?}", bench.bus.transition())
+        };
+        assert!(error.to_string().starts_with(words), "{error}");
+    }
     // 0x0980 may be refused.
     let mut bench = Bench::new(3);
     bench.segment().refuses = Some(0x0980);
