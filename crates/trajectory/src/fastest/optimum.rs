@@ -60,7 +60,7 @@ struct Span {
 }
 
 impl Span {
-    /// All of a motion, which begin where it goes evenly; `None` where it goes back, or is too long.
+    /// All of a motion, which begin where it goes evenly; `None` where it goes back, or is too long, or has no time.
     fn all<P: GeometricPath>(
         path: &P,
         bounds: &PlatformBounds,
@@ -70,6 +70,9 @@ impl Span {
     ) -> Option<Vec<Span>> {
         // As many as the window asks for, and more where the way itself does.
         let windows = near.duration_s() / window_s;
+        if !windows.is_finite() {
+            return None;
+        }
         let [few, enough, most] = IN_A_WINDOW;
         let least = (enough * costs / COSTLY).clamp(few, enough);
         let [least, most] = [least, most].map(|steps| steps * windows);
@@ -143,55 +146,59 @@ pub(super) fn shortest<P: GeometricPath>(
     look: impl Fn(&Progress) -> Seen,
 ) -> Option<Progress> {
     let joints = path.breaks();
-    let mut best: Option<Progress> = None;
-    let mut near = near.clone();
-    for search in 1..=SEARCHES {
-        let Some(mut spans) = Span::all(path, bounds, &near, [window_s, costs], &joints) else { break };
+    let sought = |near: &Progress| {
+        let mut spans = Span::all(path, bounds, near, [window_s, costs], &joints)?;
         for span in &mut spans {
             span.begin(1.0);
             span.solve(FIRST_GAP);
         }
+        Some(spans)
+    };
+    let mut spans = sought(near)?;
+    for _ in 1..SEARCHES {
         // What goes so much faster or slower is sought near to again: its steps are then even in its own time.
-        if search < SEARCHES && unevenness(&spans) > UNEVEN {
-            near = together(&spans, path.length());
-            continue;
+        if unevenness(&spans) <= UNEVEN {
+            break;
         }
-        let (mut round, mut rounds) = (1, ROUNDS);
-        loop {
-            spans.iter_mut().for_each(|span| span.solve(LAST_GAP));
-            let mut found = together(&spans, path.length());
-            let seen = look(&found);
-            let hottest = seen.squares.iter().flatten().copied().fold(0.0, f64::max);
-            let most = seen.paces.iter().copied().fold(1.0, f64::max);
-            found.stretch(most);
-            let is_cool = hottest <= 1.0 + TOO_HOT;
-            if is_cool && best.as_ref().is_none_or(|best| found.duration_s() < best.duration_s()) {
-                best = Some(found);
-            }
-            // Where heat costs anything, it is as hot as it may be.
-            let is_hot = !is_cool || spans.iter().any(|span| span.scene.pays());
-            if is_hot {
-                rounds = HOT_ROUNDS;
-            }
-            let is_done = most <= 1.0 + NEAR && is_cool && (!is_hot || hottest > 1.0 - HEAT_LEFT);
-            if is_done || round == rounds {
-                return best;
-            }
-            round += 1;
-            let mut first = 0;
-            for Span { scene, states, .. } in &mut spans {
-                for step in 0..states.len() {
-                    let pieces = PARTS * (first + step)..PARTS * (first + step + 1);
-                    let pace = seen.paces[pieces].iter().copied().fold(1.0, f64::max);
-                    scene.lower(step, pace);
-                    for motor in 0..scene.motors {
-                        scene.charge([step, motor], seen.squares[motor][first + step]);
-                    }
-                }
-                first += states.len();
-            }
-            spans.iter_mut().for_each(|span| span.begin(most));
-        }
+        let Some(again) = sought(&together(&spans, path.length())) else { break };
+        spans = again;
     }
-    best
+    let mut best: Option<Progress> = None;
+    let (mut round, mut rounds) = (1, ROUNDS);
+    loop {
+        spans.iter_mut().for_each(|span| span.solve(LAST_GAP));
+        let mut found = together(&spans, path.length());
+        let seen = look(&found);
+        let hottest = seen.squares.iter().flatten().copied().fold(0.0, f64::max);
+        let most = seen.paces.iter().copied().fold(1.0, f64::max);
+        found.stretch(most);
+        let is_cool = hottest <= 1.0 + TOO_HOT;
+        // What rests between its looks has no time.
+        if is_cool && found.duration_s() < best.as_ref().map_or(f64::INFINITY, Progress::duration_s) {
+            best = Some(found);
+        }
+        // Where heat costs anything, it is as hot as it may be.
+        let is_hot = !is_cool || spans.iter().any(|span| span.scene.pays());
+        if is_hot {
+            rounds = HOT_ROUNDS;
+        }
+        let is_done = most <= 1.0 + NEAR && is_cool && (!is_hot || hottest > 1.0 - HEAT_LEFT);
+        if is_done || round == rounds {
+            return best;
+        }
+        round += 1;
+        let mut first = 0;
+        for Span { scene, states, .. } in &mut spans {
+            for step in 0..states.len() {
+                let pieces = PARTS * (first + step)..PARTS * (first + step + 1);
+                let pace = seen.paces[pieces].iter().copied().fold(1.0, f64::max);
+                scene.lower(step, pace);
+                for motor in 0..scene.motors {
+                    scene.charge([step, motor], seen.squares[motor][first + step]);
+                }
+            }
+            first += states.len();
+        }
+        spans.iter_mut().for_each(|span| span.begin(most));
+    }
 }
