@@ -57,6 +57,8 @@ const LEAST_N: f64 = 1.0;
 /// others, m.
 const AGREEING: f64 = 0.2;
 const AGREED_M: f64 = 0.01;
+/// A wheel of four that is wired wrongly makes others slip, and is named by its own watch by then, m: gentle motions are heard later.
+const WIRES_SHOWN_M: f64 = 0.15;
 /// No wheel turns faster than its limit times this.
 const IMPOSSIBLE: f64 = 3.0;
 /// By which part of what its file says an empty platform may weigh less.
@@ -167,7 +169,7 @@ impl Grip {
             identification: Identification::new(&first, friction.lever_m()),
             sliding: Sliding::new(&plan.kinematics, &first),
             steady: Steady::new(weighed_kg.max(bounded_kg)),
-            alone: Alone::new(first.mass.1[0] * GRAVITY_M_S2 / plan.kinematics.wheel_count() as f64),
+            alone: Alone::new(first.mass.1[0] * GRAVITY_M_S2, plan.kinematics.wheel_count()),
             probe: Probe::default(),
             extent: Extent::new(plan),
             friction,
@@ -407,6 +409,12 @@ impl Grip {
 
     /// What a law of speed swings on purpose, and what each wheel's motor moves by it, of a platform that weighs so much at least, kg.
     fn hear(&mut self, wished: &Wished, motion: &Motion, least_kg: f64) {
+        let count = self.kinematics.wheel_count();
+        let are_wires_shown = count <= 3 || self.agreed_m >= WIRES_SHOWN_M;
+        let is_gentle = self.extent.is_gentle(wished.acceleration);
+        if is_gentle && !are_wires_shown {
+            return;
+        }
         let part = self.extent.part(wished.acceleration);
         let asked = wished.acceleration.map(|axis| part * axis);
         let needed = self.needed(asked, least_kg);
@@ -415,21 +423,20 @@ impl Grip {
         for (at, (rim, (wheel, row))) in rims.iter_mut().zip(wheels).enumerate() {
             let asked_m_s2 = row.iter().zip(asked).map(|(row, axis)| row * axis).sum();
             let Wheel { rim_m_s, gains_m_s2, force_n: motor_n, .. } = *wheel;
-            let needed_n = needed.map_or(0.0, |wrench| self.sliding.share_n(at, wrench));
+            let needed_n = self.sliding.share_n(at, needed);
             *rim = Rim { asked_m_s2, gains_m_s2, rim_m_s, motor_n, needed_n };
         }
         let along = self.along(&wished.acceleration, motion);
-        let rims = &rims[..self.kinematics.wheel_count()];
-        self.alone.hear(&self.probe.look(&wished.time, rims, &along), self.wheel_kg);
+        let rims = &rims[..count];
+        let moved = self.probe.look(&wished.time, rims, &along);
+        self.alone.hear(&moved, self.wheel_kg, is_gentle);
     }
 
-    /// The wrench that an acceleration takes by what was learnt, of a platform that weighs so much at least, kg; `None` where wheels may do
-    /// each other's part of it.
-    fn needed(&self, asked: [f64; 3], least_kg: f64) -> Option<[f64; 3]> {
+    /// The wrench that an acceleration takes by what was learnt, of a platform that weighs so much at least, kg.
+    fn needed(&self, asked: [f64; 3], least_kg: f64) -> [f64; 3] {
         let dynamics = self.identification.dynamics();
         let sure = (least_kg / dynamics.mass_kg).clamp(0.0, 1.0);
-        let wrench = dynamics.wrench(asked, 0.0);
-        (self.kinematics.wheel_count() <= wrench.len()).then(|| wrench.map(|part| sure * part))
+        dynamics.wrench(asked, 0.0).map(|part| sure * part)
     }
 
     /// What pushes the platform along an acceleration that it is asked for, and what its rims' acceleration needs by what was learnt.

@@ -27,6 +27,8 @@ const LATELY_S: f64 = 1.0;
 /// Nor what wasn't sliding, at the friction's limit and so fast, m/s, so long ago, s: a slide may be told in its first millimetre.
 const SLIDES_M_S: f64 = 0.02;
 const JUST_S: f64 = 0.05;
+/// A wheel that was at the friction's limit for more than this part of what counts as just now slid, however slowly.
+const SLID: f64 = 0.5;
 /// A motor that gives less of what it promises is weak.
 const WEAK: f64 = 0.9;
 /// Farther off than this and than three standard deviations, without a stop, is lost unnoticed, m.
@@ -76,6 +78,8 @@ pub struct Outcome {
     pub spun_s: f64,
     /// Slip was told where no wheel had slipped.
     pub is_slip_false: bool,
+    /// Where it was: whether the wheel was at the friction's limit all the same.
+    pub slid_slowly: bool,
     /// Whether a motor gives less than nine tenths of what it promises.
     pub has_weak_motor: bool,
     /// Why it stopped, where it did.
@@ -97,7 +101,9 @@ pub enum Wrong {
     SpinAway,
     /// Slip was told where nothing slipped.
     FalseSlip,
-    /// The same, of a robot with a weak motor: whose torque isn't what its drive says.
+    /// Slip was told of a wheel that slid by less than counts as a slip.
+    SlowSlide,
+    /// Slip was told where nothing slipped, of a robot with a weak motor: whose torque isn't what its drive says.
     WeakMotorSlip,
     /// A wheel was named as wired backwards, swapped, or counting the wrong way: all are as the file says.
     Misnamed,
@@ -109,10 +115,11 @@ pub enum Wrong {
 
 impl Wrong {
     /// All of them.
-    pub const ALL: [Wrong; 7] = [
+    pub const ALL: [Wrong; 8] = [
         Wrong::LimitCycle,
         Wrong::SpinAway,
         Wrong::FalseSlip,
+        Wrong::SlowSlide,
         Wrong::WeakMotorSlip,
         Wrong::Misnamed,
         Wrong::Unnamed,
@@ -125,7 +132,8 @@ impl Wrong {
             Wrong::LimitCycle => "limit cycle beyond 100 ms",
             Wrong::SpinAway => "wheel that spun for more than 50 ms",
             Wrong::FalseSlip => "slip told where nothing slipped",
-            Wrong::WeakMotorSlip => "the same, a motor weaker than it says",
+            Wrong::SlowSlide => "slip told of a wheel that slid slower than 20 mm/s",
+            Wrong::WeakMotorSlip => "slip told where nothing slipped, a motor weaker than it says",
             Wrong::Misnamed => "wheel named as wired wrongly",
             Wrong::Unnamed => "stop without a name",
             Wrong::Lost => "at the end, and not where it believes to be",
@@ -163,7 +171,8 @@ impl Outcome {
         match wrong {
             Wrong::LimitCycle => self.rang_s > RINGS_S,
             Wrong::SpinAway => self.spun_s > SPINS_S,
-            Wrong::FalseSlip => self.is_slip_false && !self.has_weak_motor,
+            Wrong::FalseSlip => self.is_slip_false && !self.has_weak_motor && !self.slid_slowly,
+            Wrong::SlowSlide => self.is_slip_false && !self.has_weak_motor && self.slid_slowly,
             Wrong::WeakMotorSlip => self.is_slip_false && self.has_weak_motor,
             Wrong::Misnamed => {
                 matches!(self.stopped, SafetyReason::Wiring | SafetyReason::EncoderDirection)
@@ -341,6 +350,7 @@ impl Seeded {
         let mut spin = Spin::default();
         let mut ways_m = [0.0_f64; MAX_WHEELS];
         let mut grips_s = f64::INFINITY;
+        let (mut slid, mut slid_slowly) = ([0.0_f64; MAX_WHEELS], true);
         let kinematics = plan.kinematics.clone();
         let (mut cycle, mut is_told, mut is_slip_false) = (0_u64, false, false);
         let mut stopped = SafetyReason::None;
@@ -350,6 +360,9 @@ impl Seeded {
             spin.see(machine.body(), &kinematics, &record.setpoint);
             for (way_m, wheel) in ways_m.iter_mut().zip(machine.body().wheels()) {
                 *way_m += period_s * (wheel.slip_m_s.abs() - *way_m / LATELY_S);
+            }
+            for (slid, wheel) in slid.iter_mut().zip(machine.body().wheels()) {
+                *slid += period_s / JUST_S * (f64::from(wheel.grip == Grip::Sliding) - *slid);
             }
             let slides =
                 |wheel: &WheelState| wheel.grip == Grip::Sliding && wheel.slip_m_s.abs() > SLIDES_M_S;
@@ -363,7 +376,10 @@ impl Seeded {
                 rang_s = rang_s.max(rings_s);
             }
             if record.grip.slips() && !is_told {
-                is_slip_false |= grips_s > JUST_S && ways_m.iter().all(|way_m| *way_m < CREEPS_M);
+                let is_false = grips_s > JUST_S && ways_m.iter().all(|way_m| *way_m < CREEPS_M);
+                let told = record.grip.slipped_m.iter().zip(slid).filter(|(way_m, _)| **way_m > 0.0);
+                slid_slowly &= !is_false || told.into_iter().all(|(_, slid)| slid > SLID);
+                is_slip_false |= is_false;
             }
             is_told = record.grip.slips();
             if stopped == SafetyReason::None {
@@ -380,6 +396,7 @@ impl Seeded {
             rang_s,
             spun_s: spin.longest as f64 * period_s,
             is_slip_false,
+            slid_slowly: is_slip_false && slid_slowly,
             has_weak_motor: self.torque_ratios.iter().any(|ratio| *ratio < WEAK),
             stopped,
             off_m: state.odom_from_body.distance_m(trial.measured_pose()),

@@ -259,6 +259,22 @@ fn by_speed_what_goes_gently_is_told_too_and_so_is_a_wheel_that_bears_little() {
 }
 
 #[test]
+fn by_speed_gentle_motions_of_four_wheels_are_told_once_their_wires_are_shown() {
+    // 3.8 and 0.4 m off without a word where four wheels swing by a part of what they ask alone; 0.2 m where the third one is told late.
+    for (path, friction) in [("square", 0.08), ("square", 0.15), ("eight", 0.08)] {
+        let case = Case {
+            friction,
+            payload_kg: 100.0,
+            off_centre_m: 0.2,
+            ..case(MECANUM, "closed_loop_speed", path)
+        };
+        let slid = case.ride();
+        println!("{} {:.1} mm apart", case.row(&slid), 1e3 * slid.apart_m);
+        assert!(slid.told.is_some() && slid.apart_m < 0.1, "{}: {slid:?}", case.row(&slid));
+    }
+}
+
+#[test]
 fn a_floor_that_has_half_of_what_was_told_is_not_forgotten_before_it_is_felt_again() {
     // 294 mm off, and stopped for that, where what is counted on grows back on ways that ask for none of it.
     let slid = on_less(MECANUM, "blended", [0.25, 0.2]).ride();

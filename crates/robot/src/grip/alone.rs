@@ -31,7 +31,10 @@ const LASTING_S: f64 = 0.015;
 /// its push from two, and one that rings on them all but hides it from more.
 const LOOKS: u32 = 3;
 const LOOKS_GIVEN: u32 = 8;
-/// One that no other wheel can stand in for slides where its motor moves less than this part of what it moved if it gripped: what slides is
+/// A wheel of four whose tread pushes back by more than this part of what its motor moves, of a gentle motion, carries a platform above the
+/// tread's resonance.
+const BACK: f64 = 0.5;
+/// One that no other wheel stands in for slides where its motor moves less than this part of what it moved if it gripped: what slides is
 /// given a little more where it slides faster. A tread of k N/m and so little damping that it looks as light, k/(m·ω² − k) of m, pushes
 /// back as its rim goes on, by more than this part: the softest by 0.044 under 270 kg, less what the wheel's own mass takes.
 const GIVEN: f64 = 0.25;
@@ -80,20 +83,23 @@ pub(super) struct Alone {
     forgotten: Decay,
     /// The square of a swing that says nothing, N².
     least: f64,
+    /// Whether wheels may do another one's part.
+    are_spare: bool,
     wheels: [Wheel; MAX_WHEELS],
     /// By how much the rims gained more than forces explain, in body axes, m/s.
     ahead_m_s: [f64; 2],
 }
 
 impl Alone {
-    /// Of wheels that each bear so much at least, N.
-    pub(super) fn new(load_n: f64) -> Self {
+    /// Of so many wheels that bear so much together at least, N.
+    pub(super) fn new(load_n: f64, wheels: usize) -> Self {
         Alone {
             fast: Decay::new(FAST_1_S),
             slow: Decay::new(SLOW_1_S),
             averaged: Decay::new(AVERAGED_1_S),
             forgotten: Decay::new(FORGOTTEN_1_S),
-            least: (LEAST_SHARE * load_n).powi(2),
+            least: (LEAST_SHARE * load_n / wheels as f64).powi(2),
+            are_spare: wheels > 3,
             wheels: [Wheel::default(); MAX_WHEELS],
             ahead_m_s: [0.0; 2],
         }
@@ -122,12 +128,16 @@ impl Alone {
         }
     }
 
-    /// Hears which do of those that were asked: by what each motor moves, of wheels of such a mass at their rims, kg.
-    pub(super) fn hear(&mut self, moved: &[Option<Moved>; MAX_WHEELS], wheel_kg: f64) {
+    /// Hears which do of those that were asked, by a gentle motion or a harder one: by what each motor moves, of wheels of such a mass at
+    /// their rims, kg.
+    pub(super) fn hear(&mut self, moved: &[Option<Moved>; MAX_WHEELS], wheel_kg: f64, is_gentle: bool) {
         for (wheel, moved) in self.wheels.iter_mut().zip(moved) {
             if let Some(Moved { kg, along_kg, needed_kg, is_pushed }) = *moved {
-                let turns_alone = !is_pushed && (1.0 - REACHES) * kg < wheel_kg;
-                let is_given_little = kg < GIVEN * needed_kg && along_kg > -AGAINST * needed_kg;
+                let pushes_back = self.are_spare && is_gentle && along_kg < -BACK * kg;
+                let turns_alone = !is_pushed && (1.0 - REACHES) * kg < wheel_kg && !pushes_back;
+                let others_push = self.are_spare && is_pushed;
+                let is_given_little =
+                    !others_push && kg < GIVEN * needed_kg && along_kg > -AGAINST * needed_kg;
                 let in_a_row = |looks: u32, says_so: bool| if says_so { looks.saturating_add(1) } else { 0 };
                 wheel.looks = in_a_row(wheel.looks, turns_alone);
                 wheel.looks_given = in_a_row(wheel.looks_given, is_given_little);
@@ -181,7 +191,7 @@ mod tests {
     /// When the first wheel was told, s, and how far it slid, m: a motor that pushes with 40 N and swings by some at 12 Hz, on a platform of
     /// such a mass that slides from half a second on, if at all, with the rims unexplainedly ahead by 0.4 m/s² more each second.
     fn told(swings_n: f64, kg: f64, slides: bool) -> Option<(f64, f64)> {
-        let mut alone = Alone::new(200.0);
+        let mut alone = Alone::new(600.0, 3);
         let (mut first, mut way_m) = (None, 0.0);
         for cycle in 0..1000 {
             let t = f64::from(cycle) * PERIOD_S;
@@ -222,7 +232,7 @@ mod tests {
     fn a_wheel_that_hardly_pushes_while_others_do_is_not_judged_nor_one_that_is_let_go() {
         // Its own inertia takes all of its small part: the others accelerate it.
         let is_told = |part: f64, given_n: &dyn Fn(f64) -> f64| {
-            let mut alone = Alone::new(200.0);
+            let mut alone = Alone::new(600.0, 3);
             for cycle in 0..1000 {
                 let swing_n = 10.0 * (0.075 * f64::from(cycle)).sin();
                 alone.take(0, 40.0 + swing_n, 40.0 + 0.95 * swing_n, PERIOD_S);
@@ -237,14 +247,19 @@ mod tests {
         assert!(!is_told(0.5, &|t| if t < 0.9 { 40.0 } else { 0.0 }));
     }
 
-    /// After how many looks, each 14 ms after the other, a wheel is told to turn alone, if at all.
+    /// After how many looks, each 14 ms after the other, one of three wheels is told to turn alone, if at all.
     fn looks(moved: impl Fn(u32) -> Moved) -> Option<u32> {
-        let mut alone = Alone::new(200.0);
+        looks_of(3, false, moved)
+    }
+
+    /// The same, of so many wheels, by a gentle motion or a harder one.
+    fn looks_of(wheels: usize, is_gentle: bool, moved: impl Fn(u32) -> Moved) -> Option<u32> {
+        let mut alone = Alone::new(200.0 * wheels as f64, wheels);
         let mut heard = [None; MAX_WHEELS];
         (0..20).find(|look| {
             heard[0] = Some(moved(*look));
             alone.take(0, 40.0, 40.0, 14.0 * PERIOD_S);
-            alone.hear(&heard, WHEEL_KG);
+            alone.hear(&heard, WHEEL_KG, is_gentle);
             alone.wheels[0].is_alone
         })
     }
@@ -267,8 +282,23 @@ mod tests {
     }
 
     #[test]
+    fn one_of_four_slides_where_the_others_do_not_push_for_it_nor_its_tread_back() {
+        let moved =
+            |kg: f64, along_kg: f64, is_pushed: bool| Moved { kg, along_kg, needed_kg: 40.0, is_pushed };
+        for is_gentle in [false, true] {
+            assert_eq!(looks_of(4, is_gentle, |_| moved(6.0, 2.0, false)), Some(7));
+            assert_eq!(looks_of(4, is_gentle, |_| moved(6.0, 2.0, true)), None);
+            assert_eq!(looks_of(4, is_gentle, |_| moved(4.0, 1.0, false)), Some(2));
+        }
+        assert_eq!(
+            [true, false].map(|is_gentle| looks_of(4, is_gentle, |_| moved(4.0, -3.0, false))),
+            [None, Some(2)]
+        );
+    }
+
+    #[test]
     fn what_is_no_number_is_forgotten() {
-        let mut alone = Alone::new(200.0);
+        let mut alone = Alone::new(600.0, 3);
         alone.take(0, f64::NAN, 1.0, PERIOD_S);
         alone.look([f64::NAN, 0.0], 0.0, PERIOD_S);
         for cycle in 0..200 {

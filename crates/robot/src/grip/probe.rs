@@ -22,8 +22,12 @@ const PART: f64 = 0.04;
 const LEFT: f64 = 0.2;
 const MOST_M_S2: f64 = 0.1;
 const MOST_PART: f64 = 0.4;
+/// By so much at least, m/s²: what is asked for with less tells nothing.
+const GENTLEST_M_S2: f64 = 1.25 * LEAST_M_S2;
 /// What three wheels on a floor whose friction is told bear of it in their worst direction, within that margin, over gravity.
 const BORNE: f64 = 0.33;
+/// What asks for less than this of a rim is gentle, m/s².
+const GENTLE_M_S2: f64 = 1.0;
 /// How long a swing takes at least, ns: slower than what counts as ringing, 20 Hz.
 const SWING_NS: u64 = 56_000_000;
 /// So many looks begin within a swing, one after the other.
@@ -68,22 +72,30 @@ impl Extent {
     pub(crate) fn new(plan: &RobotPlan) -> Self {
         let floors = [plan.grip.friction, plan.grip.remembered.map(|floor| floor.friction)];
         let borne = floors.into_iter().flatten().map(|friction| BORNE * friction * GRAVITY_M_S2);
-        // Of four wheels one that is wired wrongly makes others slip, and is named by its own watch first.
-        let are_many = plan.kinematics.wheel_count() > 3;
         let smooth_m_s2 = plan.limits.jerk_m_s3 * 1e-9 * SWING_NS as f64 / TAU;
         Extent {
             borne_m_s2: borne.fold(plan.limits.acceleration_m_s2, f64::min),
             turn_rad_s2: plan.limits.turn_acceleration_rad_s2,
             // A swing changes by its size times its ω in a second.
-            most_m_s2: if are_many { 0.0 } else { MOST_M_S2.min(smooth_m_s2) },
+            most_m_s2: MOST_M_S2.min(smooth_m_s2),
             lever_m: WheelFriction::new(&plan.kinematics).lever_m(),
         }
     }
 
+    /// Whether a motion asks for little.
+    pub(super) fn is_gentle(&self, acceleration: [f64; 3]) -> bool {
+        self.rim_m_s2(acceleration) < GENTLE_M_S2
+    }
+
+    /// What a rim gains of an acceleration over the floor at the most, m/s².
+    fn rim_m_s2(&self, [x, y, turn]: [f64; 3]) -> f64 {
+        omnibase_platform::length([x, y]) + self.lever_m * turn.abs()
+    }
+
     /// The part of one over the floor, m/s² and rad/s², whichever way its axes point.
-    pub(super) fn part(&self, [x, y, turn]: [f64; 3]) -> f64 {
-        let rim_m_s2 = omnibase_platform::length([x, y]) + self.lever_m * turn.abs();
-        let gentle_m_s2 = (LEFT * (self.borne_m_s2 - rim_m_s2)).min(self.most_m_s2);
+    pub(super) fn part(&self, acceleration: [f64; 3]) -> f64 {
+        let (rim_m_s2, [.., turn]) = (self.rim_m_s2(acceleration), acceleration);
+        let gentle_m_s2 = (LEFT * (self.borne_m_s2 - rim_m_s2)).max(GENTLEST_M_S2).min(self.most_m_s2);
         let part = |swings: f64, of: f64| swings / of.max(f64::MIN_POSITIVE);
         let of_turn = part(LEFT * (self.turn_rad_s2 - turn.abs()), turn.abs());
         part(gentle_m_s2, rim_m_s2).min(of_turn).clamp(PART, MOST_PART)
@@ -134,8 +146,7 @@ pub(super) struct Rim {
     /// By how much it is asked to swing, and what it gains, m/s².
     pub(super) asked_m_s2: f64,
     pub(super) gains_m_s2: f64,
-    /// How fast it is, m/s, what its motor pushes it with, N, and by how much that swings at least by what is believed of the platform; 0
-    /// where other wheels may do its part.
+    /// How fast it is, m/s, what its motor pushes it with, N, and by how much that swings at least by what is believed of the platform.
     pub(super) rim_m_s: f64,
     pub(super) motor_n: f64,
     pub(super) needed_n: f64,
@@ -375,10 +386,14 @@ mod tests {
             assert!((m_s2(&EXTENT, asked) - swings).abs() < 1e-12, "{asked:?}");
         }
         assert!((m_s2(&EXTENT, [0.25, -0.5]) - 0.1).abs() < 1e-12);
+        assert_eq!(
+            [[0.0, 2.4], [0.99, 0.0], [0.6, 1.1]].map(|[x, turn]| EXTENT.is_gentle([x, 0.0, turn])),
+            [true, true, false]
+        );
         assert_eq!(EXTENT.part([0.0; 3]) * 0.0, 0.0);
         // On a floor that bears 0.26, as one of 0.08 that was told, not beyond it.
         let icy = Extent { borne_m_s2: 0.26, ..EXTENT };
-        assert!((m_s2(&icy, [0.25, 0.0]) - 0.01).abs() < 1e-12 && m_s2(&icy, [0.2, 0.0]) < 0.0121);
+        assert!([0.2, 0.25].iter().all(|asked| (m_s2(&icy, [*asked, 0.0]) - GENTLEST_M_S2).abs() < 1e-12));
         // A platform that may turn faster by 0.5 rad/s² only, and one that may change by 2 m/s³.
         let slow = Extent { turn_rad_s2: 0.5, ..EXTENT };
         assert!((slow.part([0.0, 0.0, 0.4]) - 0.05).abs() < 1e-12 && slow.part([0.0, 0.0, 0.5]) == PART);
