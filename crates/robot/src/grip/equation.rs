@@ -53,9 +53,7 @@ impl<const N: usize> Estimate<N> {
         // Line by line, all parameters at once: symmetric as it is, the bits are those of each one's own sum.
         let mut spread = self.covariance[0].map(|covariance| covariance * row[0]);
         for (line, row) in self.covariance.iter().zip(row).skip(1) {
-            for (spread, covariance) in spread.iter_mut().zip(line) {
-                *spread += covariance * row;
-            }
+            spread = std::array::from_fn(|other| spread[other] + line[other] * row);
         }
         (row.iter().zip(&spread).map(|(row, spread)| row * spread).sum(), spread)
     }
@@ -64,9 +62,7 @@ impl<const N: usize> Estimate<N> {
     pub(crate) fn variance_of_first<const M: usize>(&self, row: &[f64; M]) -> f64 {
         let mut spread = [0.0; M];
         for (line, row) in self.covariance.iter().zip(row) {
-            for (spread, covariance) in spread.iter_mut().zip(line) {
-                *spread += covariance * row;
-            }
+            spread = std::array::from_fn(|other| spread[other] + line[other] * row);
         }
         row.iter().zip(&spread).map(|(row, spread)| row * spread).sum()
     }
@@ -80,11 +76,10 @@ impl<const N: usize> Estimate<N> {
 
     /// Takes an equation that is `off`, by how much the wrench exceeds what is told, with its whole variance.
     pub(crate) fn take(&mut self, spread: &[f64; N], whole: f64, off: f64) {
-        for index in 0..N {
+        for (index, line) in self.covariance.iter_mut().enumerate() {
             self.theta[index] += spread[index] / whole * off;
-            for other in 0..N {
-                self.covariance[index][other] -= spread[index] * spread[other] / whole;
-            }
+            let taken = spread.map(|other| spread[index] * other / whole);
+            *line = std::array::from_fn(|other| line[other] - taken[other]);
         }
     }
 
