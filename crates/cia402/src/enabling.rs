@@ -423,7 +423,10 @@ impl Enabling {
         let fade = self.settings.fade_ns;
         let left_ns = fade.saturating_sub(elapsed_ns);
         // 128 bits: a gap of 2^32 times a fade of hours stays exact.
-        let part = |gap: i64| (i128::from(gap) * i128::from(left_ns) / i128::from(fade.max(1))) as i64;
+        let part = |gap: i64| match left_ns {
+            0 => 0,
+            _ => (i128::from(gap) * i128::from(left_ns) / i128::from(fade.max(1))) as i64,
+        };
         match mode.quantity() {
             Quantity::Position => {
                 targets.position_counts = wished.position_counts.wrapping_add(self.position_origin_counts);

@@ -147,12 +147,29 @@ word! {
 impl StatusWord {
     /// The state by the standard's masks; `None` for a pattern that the standard gives no meaning.
     pub fn state(self) -> Option<DriveState> {
-        DriveState::ALL.into_iter().find(|state| {
-            let (mask, value) = state.mask_and_value();
-            self.0 & mask == value
-        })
+        STATES[usize::from(self.0 & STATE_BITS)]
     }
 }
+
+/// The bits of the status word that any state's mask has.
+const STATE_BITS: u16 = 0x6F;
+/// The state by those bits.
+const STATES: [Option<DriveState>; STATE_BITS as usize + 1] = {
+    let mut states = [None; STATE_BITS as usize + 1];
+    let mut bits = 0;
+    while bits < states.len() {
+        let mut at = 0;
+        while at < DriveState::ALL.len() && states[bits].is_none() {
+            let (mask, value) = DriveState::ALL[at].mask_and_value();
+            if bits as u16 & mask == value {
+                states[bits] = Some(DriveState::ALL[at]);
+            }
+            at += 1;
+        }
+        bits += 1;
+    }
+    states
+};
 
 word! {
     /// The control word, object 0x6040.

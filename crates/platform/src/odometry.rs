@@ -123,6 +123,8 @@ pub struct Odometry {
     covariance: Matrix3<f64>,
     geometry_errors: GeometryErrors,
     state: OdometryState,
+    /// What the filter of speeds keeps over a period, s.
+    kept: (f64, f64),
 }
 
 impl Kinematics {
@@ -158,6 +160,7 @@ impl Odometry {
             },
             kinematics,
             settings,
+            kept: (0.0, 1.0),
         })
     }
 
@@ -256,7 +259,10 @@ impl Odometry {
             return Err(OdometryError::NotFinite { wheel });
         }
         let (step, residual_m) = self.kinematics.body_step(increments_rad);
-        let keep = (-self.settings.speed_filter_rad_s * period_s).exp();
+        if period_s != self.kept.0 {
+            self.kept = (period_s, (-self.settings.speed_filter_rad_s * period_s).exp());
+        }
+        let keep = self.kept.1;
         let state = &mut self.state;
         state.wheel_speeds_rad_s = PerWheel::from_fn(increments_rad.len(), |at| {
             keep * state.wheel_speeds_rad_s[at] + (1.0 - keep) * increments_rad[at] / period_s

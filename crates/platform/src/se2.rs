@@ -13,9 +13,15 @@ pub fn wrap_angle_rad(angle_rad: f64) -> f64 {
 
 /// The length of a vector, in its unit: √(x² + y²), to within a rounding or two, without `hypot`'s cost; far beyond and below what
 /// anything measures, where squares over- or underflow, by it.
+#[inline]
 pub fn length([x, y]: [f64; 2]) -> f64 {
     let square = x * x + y * y;
-    if square > 1e-280 && square < 1e280 { square.sqrt() } else { x.hypot(y) }
+    if square > 1e-280 && square < 1e280 { square.sqrt() } else { length_beyond_squares([x, y]) }
+}
+
+#[cold]
+fn length_beyond_squares([x, y]: [f64; 2]) -> f64 {
+    if x == 0.0 && y == 0.0 { 0.0 } else { x.hypot(y) }
 }
 
 /// Where a frame stands in another one: `odom_from_base` takes points of base to odom.

@@ -21,6 +21,14 @@ impl Decay {
         }
         self.kept
     }
+
+    /// What is kept after a time, s, where the rate, 1/s, may be another one by now.
+    pub(crate) fn kept_at(&mut self, rate_1_s: f64, span_s: f64) -> f64 {
+        if rate_1_s != self.rate_1_s {
+            *self = Decay::new(rate_1_s);
+        }
+        self.kept(span_s)
+    }
 }
 
 #[cfg(test)]
@@ -34,5 +42,7 @@ mod tests {
             assert_eq!(decay.kept(span_s).to_bits(), (-31.4 * span_s).exp().to_bits(), "{span_s}");
         }
         assert!(decay.kept(f64::NAN).is_nan() && decay.kept(0.001) == (-31.4_f64 * 0.001).exp());
+        assert!(decay.kept_at(20.0, 0.001) == (-20.0_f64 * 0.001).exp());
+        assert!(decay.kept(0.001) == (-20.0_f64 * 0.001).exp());
     }
 }

@@ -78,6 +78,7 @@ pub(crate) struct Grip {
     extent: Extent,
     filter: Decay,
     drawn: Decay,
+    forgotten: Decay,
     /// Whether every drive tells its torque: without that nothing is known.
     is_told: bool,
     /// A wheel with its rotor as a mass at its rim, kg.
@@ -90,7 +91,7 @@ pub(crate) struct Grip {
     most_m_s: f64,
     /// Periods since the last complete exchange: its increments span them all.
     periods: u32,
-    wheels: [Wheel; MAX_WHEELS],
+    wheels: PerWheel<Wheel>,
     /// v̂ in body axes; `None` before the first measurement.
     body: Option<[f64; 3]>,
     /// The acceleration over the floor that forces explain.
@@ -169,13 +170,17 @@ impl Grip {
             identification: Identification::new(&first, friction.lever_m()),
             sliding: Sliding::new(&plan.kinematics, &first),
             steady: Steady::new(weighed_kg.max(bounded_kg)),
-            alone: Alone::new(first.mass.1[0] * GRAVITY_M_S2, plan.kinematics.wheel_count()),
+            alone: Alone::new(
+                plan.kinematics.wheel_count(),
+                first.mass.1[0] * GRAVITY_M_S2 / plan.kinematics.wheel_count() as f64,
+            ),
             probe: Probe::default(),
             extent: Extent::new(plan),
             friction,
             loads: Loads::new(&plan.kinematics),
             filter: Decay::new(FILTER_1_S),
             drawn: Decay::new(DRAWN_1_S),
+            forgotten: Decay::new(1.0 / FORGOTTEN_S),
             is_told: plan.tells_torques(),
             wheel_kg: wheel_kg(plan, first.mass.0),
             rim_share,
@@ -183,7 +188,7 @@ impl Grip {
             most_m_s: IMPOSSIBLE * plan.limits.wheel_speed_rad_s * greatest_m,
             kinematics: plan.kinematics.clone(),
             periods: 0,
-            wheels: [Wheel::default(); MAX_WHEELS],
+            wheels: PerWheel::from_fn(plan.kinematics.wheel_count(), |_| Wheel::default()),
             body: None,
             acceleration: [0.0; 3],
             shown: [0.0; 3],
@@ -231,12 +236,12 @@ impl Grip {
 
     /// How far the wheels may have rolled in this cycle, rad, without moving the platform: the ways of a slip add up.
     pub(crate) fn unread_rad(&self, wheel: usize) -> f64 {
-        let Some(radius_m) = self.kinematics.wheels().get(wheel).map(|wheel| wheel.radius_m) else {
+        let Some(Wheel { way_m, way_before_m, .. }) = self.wheels.get(wheel).filter(|wheel| wheel.is_loose())
+        else {
             return 0.0;
         };
-        let Wheel { way_m, way_before_m, .. } = self.wheels[wheel];
-        let is_loose = self.wheels[wheel].is_loose();
-        if is_loose { (way_m * way_m - way_before_m * way_before_m).max(0.0).sqrt() / radius_m } else { 0.0 }
+        let radius_m = self.kinematics.wheels()[wheel].radius_m;
+        (way_m * way_m - way_before_m * way_before_m).max(0.0).sqrt() / radius_m
     }
 
     /// Nothing is known of the motion before the next measurement.
@@ -246,7 +251,7 @@ impl Grip {
         self.steady.forget();
         self.alone.forget();
         self.probe.forget();
-        self.wheels = [Wheel::default(); MAX_WHEELS];
+        self.wheels.fill(Wheel::default());
     }
 
     /// v̂ goes on by what forces give it.
@@ -354,11 +359,11 @@ impl Grip {
         };
         let count = self.kinematics.wheel_count();
         let mut pushes_n = [0.0; MAX_WHEELS];
-        for (push_n, wheel) in pushes_n.iter_mut().zip(&self.wheels).take(count) {
+        for (push_n, wheel) in pushes_n.iter_mut().zip(self.wheels.iter()) {
             *push_n = wheel.force_n - self.wheel_kg * wheel.gains_m_s2;
         }
         let change = self.sliding.change(wished.acceleration, motion.acceleration, span_s);
-        for (at, wheel) in self.wheels.iter_mut().enumerate().take(count) {
+        for (at, wheel) in self.wheels.iter_mut().enumerate() {
             let slide = self.sliding.look(at, &change, wheel.rim_m_s, pushes_n[at], span_s);
             wheel.slide = slide.filter(|_| wheel.drives(pushes_n[at]));
         }
@@ -389,8 +394,7 @@ impl Grip {
     /// Which wheels turn alone: by what a law of torque swings by itself, or one of speed on purpose.
     fn ask(&mut self, wished: &Wished, motion: &Motion, shown: &Shown, pushes_n: &[f64; MAX_WHEELS]) {
         let (more_m_s2, span_s) = (self.unexplained(motion, shown), motion.period_s);
-        let wheels = self.wheels.iter().zip(pushes_n).take(self.kinematics.wheel_count());
-        for (at, (wheel, push_n)) in wheels.enumerate() {
+        for (at, (wheel, push_n)) in self.wheels.iter().zip(pushes_n).enumerate() {
             self.alone.take(at, wheel.force_n, *push_n, span_s);
         }
         if wished.by_torque {
@@ -479,7 +483,7 @@ impl Grip {
     /// Wheels that stand are held by dry friction, whatever their motors' torques.
     fn rest(&mut self) {
         (self.body, self.acceleration, self.sigma) = (Some(self.shown), [0.0; 3], [0.0; 3]);
-        for wheel in &mut self.wheels {
+        for wheel in self.wheels.iter_mut() {
             let Wheel { rim_m_s, gains_m_s2, force_n, way_m, way_before_m, .. } = *wheel;
             *wheel = Wheel { rim_m_s, gains_m_s2, force_n, way_m, way_before_m, ..Wheel::default() };
         }
@@ -490,7 +494,8 @@ impl Grip {
     fn apart(&mut self, span_s: f64) -> [f64; MAX_WHEELS] {
         let mut apart_m_s = [0.0; MAX_WHEELS];
         let (mut all, mut off) = (0.0, 0.0);
-        for ((apart_m_s, wheel), row) in apart_m_s.iter_mut().zip(&self.wheels).zip(self.kinematics.matrix())
+        for ((apart_m_s, wheel), row) in
+            apart_m_s.iter_mut().zip(self.wheels.iter()).zip(self.kinematics.matrix())
         {
             let shown_m_s: f64 = row.iter().zip(self.shown).map(|(row, speed)| row * speed).sum();
             *apart_m_s = wheel.rim_m_s - shown_m_s;
@@ -555,7 +560,7 @@ impl Grip {
             } else if is_ahead {
                 wheel.way_m += step_m;
             } else if wheel.way_m != 0.0 {
-                wheel.way_m *= (-span_s / FORGOTTEN_S).exp();
+                wheel.way_m *= self.forgotten.kept(span_s);
             }
             wheel.doubted_ns = if is_doubted { wheel.doubted_ns + span_ns } else { 0 };
             if wheel.doubted_ns >= LASTING_NS {
@@ -576,12 +581,17 @@ impl Grip {
     }
 
     fn report(&self) -> GripReport {
+        let (mut slip_m_s, mut slipped_m) = ([0.0; MAX_WHEELS], [0.0; MAX_WHEELS]);
+        for (at, wheel) in self.wheels.iter().enumerate() {
+            slip_m_s[at] = wheel.slide.map_or(wheel.ahead_m_s, |slide| slide.ahead_m_s);
+            slipped_m[at] = if wheel.is_loose() { wheel.way_m } else { 0.0 };
+        }
         GripReport {
             dynamics: self.identification.dynamics(),
             mass_sigma_kg: self.identification.mass_sigma_kg(),
             slope_m_s2: self.identification.slope_m_s2(),
-            slip_m_s: self.wheels.map(|wheel| wheel.slide.map_or(wheel.ahead_m_s, |slide| slide.ahead_m_s)),
-            slipped_m: self.wheels.map(|wheel| if wheel.is_loose() { wheel.way_m } else { 0.0 }),
+            slip_m_s,
+            slipped_m,
             felt: self.felt,
             friction: self.floor.map(|floor| floor.coefficient),
             friction_sigma: self.floor.map(|floor| floor.variance.sqrt()),

@@ -133,6 +133,7 @@ pub(crate) struct Guard {
     followed: Limits,
     period_s: f64,
     obstacles: [Option<Obstacle>; MAX_OBSTACLES],
+    any_obstacle: bool,
     /// How uncertain the believed pose is, and how it becomes more so.
     spread: Spread,
     growth: PoseGrowth,
@@ -163,6 +164,7 @@ impl Guard {
             limits: *limits,
             followed: *limits,
             period_s,
+            any_obstacle: !plan.obstacles.is_empty(),
             obstacles,
             spread: Spread::default(),
             growth: *growth,
@@ -189,6 +191,7 @@ impl Guard {
             return Err(());
         }
         *slot = obstacle;
+        self.any_obstacle = self.obstacles.iter().any(Option::is_some);
         Ok(())
     }
 
@@ -197,6 +200,9 @@ impl Guard {
         self.spread = Spread::of(state);
         let last_ns = self.last_ns.replace(time.now_ns).unwrap_or(time.now_ns);
         let elapsed_s = time.now_ns.saturating_sub(last_ns) as f64 * 1e-9;
+        if !self.any_obstacle {
+            return;
+        }
         for obstacle in self.obstacles.iter_mut().flatten() {
             obstacle.centre_m = plus(obstacle.centre_m, obstacle.velocity_m_s, elapsed_s);
         }
@@ -274,7 +280,7 @@ impl Guard {
     }
 
     fn is_idle(&self) -> bool {
-        self.fence.is_none() && self.obstacles.iter().all(Option::is_none)
+        self.fence.is_none() && !self.any_obstacle
     }
 
     fn heeds_obstacles(&self) -> bool {

@@ -447,7 +447,7 @@ impl Motion {
         }
         let (plan, here) = (&wished.twist_in_odom, &setpoint.twist_in_odom);
         let goes_with = headway::is_there(&wished.odom_from_body, &setpoint.odom_from_body)
-            && (plan.vx_m_s - here.vx_m_s).hypot(plan.vy_m_s - here.vy_m_s) <= WITH_PLAN
+            && omnibase_platform::length([plan.vx_m_s - here.vx_m_s, plan.vy_m_s - here.vy_m_s]) <= WITH_PLAN
             && (plan.w_rad_s - here.w_rad_s).abs() <= WITH_PLAN;
         // Who was off comes back where the floor carries the plan at its full rate in whatever direction.
         self.is_on_plan = goes_with && !is_hindered && (self.is_on_plan || self.rate_now >= self.full_rate());

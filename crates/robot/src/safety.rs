@@ -323,34 +323,36 @@ impl Safety for SafetyChain {
         }
         let is_tracking = view.phase == Phase::Tracking;
         let is_held = is_tracking || view.phase == Phase::Holding;
-        let checks: [(bool, Check); 19] = [
-            (is_powered, Self::exchange),
-            (is_powered, Self::inputs),
-            (true, Self::finite),
-            (is_powered, Self::drives),
-            (is_powered, Self::axes),
-            (is_powered, Self::wheel_speed),
-            (torque_counts, Self::ramp),
-            (torque_counts, Self::wheel_torque),
-            (torque_counts, Self::oscillation),
-            (torque_counts, Self::encoder),
-            (is_held, Self::wires),
-            (is_held, Self::weak_motor),
-            (is_held, Self::slip),
-            (is_tracking, Self::reference_speed),
-            (is_held, Self::tracking),
-            (is_tracking, Self::fence),
-            (is_tracking, Self::way),
-            (is_tracking, Self::place),
-            (is_tracking, Self::command_age),
-        ];
-        let mut objection: Objection = None;
-        for found in checks.iter().filter(|(counts, _)| *counts).filter_map(|(_, check)| check(self, view)) {
-            if objection.is_none_or(|(action, ..)| found.0.severity() > action.severity()) {
-                objection = Some(found);
+        let mut hardest: Objection = None;
+        // Of equals the first.
+        let mut check = |counts: bool, check: Check| {
+            let found = if counts { check(self, view) } else { None };
+            if found.is_some_and(|(action, ..)| {
+                hardest.is_none_or(|(hardest, ..)| action.severity() > hardest.severity())
+            }) {
+                hardest = found;
             }
-        }
-        let allowed = match objection {
+        };
+        check(is_powered, Self::exchange);
+        check(is_powered, Self::inputs);
+        check(true, Self::finite);
+        check(is_powered, Self::drives);
+        check(is_powered, Self::axes);
+        check(is_powered, Self::wheel_speed);
+        check(torque_counts, Self::ramp);
+        check(torque_counts, Self::wheel_torque);
+        check(torque_counts, Self::oscillation);
+        check(torque_counts, Self::encoder);
+        check(is_held, Self::wires);
+        check(is_held, Self::weak_motor);
+        check(is_held, Self::slip);
+        check(is_tracking, Self::reference_speed);
+        check(is_held, Self::tracking);
+        check(is_tracking, Self::fence);
+        check(is_tracking, Self::way);
+        check(is_tracking, Self::place);
+        check(is_tracking, Self::command_age);
+        let allowed = match hardest {
             Some((action, reason, where_index))
                 if action.severity() >= SafetyAction::QuickStop.severity() =>
             {

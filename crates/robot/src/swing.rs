@@ -1,5 +1,7 @@
 //! A torque that swings to and fro about what it is on average.
 
+use crate::decay::Decay;
+
 /// What is slower than this is motion, rad/s (5 Hz).
 const MOTION_RAD_S: f64 = 31.4;
 /// The longest time from one end of a swing to the other, ns: swings above 20 Hz count.
@@ -19,10 +21,8 @@ pub(crate) struct Swing {
     pub(crate) half_swings: u32,
 }
 
-/// How much of a new torque goes into its average, once a period.
-pub(crate) fn taken(period_s: f64) -> f64 {
-    1.0 - (-MOTION_RAD_S * period_s).exp()
-}
+/// How much of an average is kept where a new torque goes into it, once a period.
+pub(crate) const AVERAGED: Decay = Decay::new(MOTION_RAD_S);
 
 impl Swing {
     /// Takes in a torque, once a cycle; what is nearer to its average than `least_nm` reaches nowhere.

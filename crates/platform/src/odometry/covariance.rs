@@ -109,13 +109,12 @@ impl CovarianceSettings {
         step: BodyStep,
         slip_m: f64,
     ) -> Matrix3<f64> {
-        let carry = carry(from, to);
         let (way_m, turn_rad) = (step.distance_m(), step.angle_rad.abs());
         let position =
             self.position_per_m * way_m + self.position_per_rad * turn_rad + self.position_per_slip * slip_m;
         let heading =
             self.heading_per_m * way_m + self.heading_per_rad * turn_rad + self.heading_per_slip * slip_m;
-        let mut grown = carry * covariance * carry.transpose();
+        let mut grown = carried(covariance, from, to);
         grown[(0, 0)] += position;
         grown[(1, 1)] += position;
         grown[(2, 2)] += heading;
@@ -124,8 +123,19 @@ impl CovarianceSettings {
     }
 }
 
-/// How errors of a pose are carried along to the next one: a wrong heading turns the way.
-fn carry(from: Pose2, to: Pose2) -> Matrix3<f64> {
-    let (dx, dy) = (to.x_m - from.x_m, to.y_m - from.y_m);
-    Matrix3::new(1.0, 0.0, -dy, 0.0, 1.0, dx, 0.0, 0.0, 1.0)
+/// C·P·Cᵀ with C = [1 0 −dy; 0 1 dx; 0 0 1]: how errors of a pose are carried along to the next one, for a wrong heading turns the way.
+fn carried(covariance: &Matrix3<f64>, from: Pose2, to: Pose2) -> Matrix3<f64> {
+    let turned = [from.y_m - to.y_m, to.x_m - from.x_m];
+    let mut carried = *covariance;
+    for (axis, turned) in turned.into_iter().enumerate() {
+        for other in 0..3 {
+            carried[(axis, other)] += turned * covariance[(2, other)];
+        }
+    }
+    for (axis, turned) in turned.into_iter().enumerate() {
+        for other in 0..3 {
+            carried[(other, axis)] += turned * carried[(other, 2)];
+        }
+    }
+    carried
 }

@@ -101,14 +101,14 @@ impl GeometryErrors {
         }
     }
 
-    /// The body's step per metre of each wheel's surface, as treads share it out in a step; three wheels have nothing to share.
-    fn shared(&self, step: &Vector3<f64>) -> [Vector3<f64>; MAX_WHEELS] {
-        let by_fit = || self.parts.map(|part| part.step);
+    /// The body's step per metre of each wheel's surface, as treads share it out in a step; `None` where that is the fit's, as of three
+    /// wheels, which have nothing to share.
+    fn shared(&self, step: &Vector3<f64>) -> Option<[Vector3<f64>; MAX_WHEELS]> {
         if self.wheels <= 3 {
-            return by_fit();
+            return None;
         }
         let resists = self.treads.resistances((*step).into(), HUB_STANDS_M);
-        fit(&self.rows[..self.wheels], &resists).unwrap_or_else(by_fit)
+        fit(&self.rows[..self.wheels], &resists)
     }
 
     /// Covariance of the matrix that a step is wrong by, row by row: to first order E·ξ with the same E in every step.
@@ -136,8 +136,9 @@ impl GeometryErrors {
         let step = Vector3::new(step.x_m, step.y_m, step.angle_rad);
         let mut residual_m2 = 0.0;
         let shared = self.shared(&step);
-        let parts = self.parts.iter().zip(&shared);
-        for ((part, own), errors) in parts.zip(&mut self.errors).take(self.wheels) {
+        let wheels = self.parts[..self.wheels].iter().zip(&mut self.errors).enumerate();
+        for (at, (part, errors)) in wheels {
+            let own = shared.as_ref().map_or(&part.step, |shared| &shared[at]);
             let [x, y, turn] = (*own).into();
             let [x, y] = [cos * x - sin * y, sin * x + cos * y];
             for (error, shown) in errors.iter_mut().zip(&part.shown) {
@@ -157,7 +158,7 @@ impl GeometryErrors {
     /// Their part of the pose's covariance.
     pub(super) fn covariance(&self) -> Matrix3<f64> {
         let [mut xx, mut xy, mut xh, mut yy, mut yh, mut hh] = [0.0; 6];
-        for error in self.errors.iter().take(self.wheels).flatten() {
+        for error in self.errors[..self.wheels].as_flattened() {
             let [x, y, turn] = (*error).into();
             (xx, xy, xh) = (xx + x * x, xy + x * y, xh + x * turn);
             (yy, yh, hh) = (yy + y * y, yh + y * turn, hh + turn * turn);

@@ -19,6 +19,7 @@ use super::torque_design::TorqueDesign;
 use super::torque_loop::LoopGains;
 use super::{Correction, LEAD_PERIODS, saturated, within_speed, wrench};
 use crate::config::{Limits, RobotPlan, WheelLimits, rated_nm};
+use crate::decay::Decay;
 use crate::grip::friction::WheelFriction;
 use crate::registry::{Key, Made, given, needed, optional};
 use crate::signals::{
@@ -26,7 +27,7 @@ use crate::signals::{
     Setpoint,
 };
 use crate::stages::{Controller, Gain};
-use crate::swing::{NOISE_OF_RATED, Swing, taken};
+use crate::swing::{AVERAGED, NOISE_OF_RATED, Swing};
 
 /// So many half swings of what it commands, and its gains are those for all treads: before the stop for a torque that swings.
 const HALF_SWINGS: u32 = 3;
@@ -90,6 +91,9 @@ pub struct TorqueLaw<F> {
     gains: [LoopGains; 3],
     /// Whether torques swing since it began: then with the design's softer gains.
     is_softer: bool,
+    /// The low-passes of η.
+    filters: [Decay; 3],
+    averaged: Decay,
     swings: [Swing; MAX_WHEELS],
     /// What reaches less far is no swing, N·m.
     noise_nm: [f64; MAX_WHEELS],
@@ -138,8 +142,10 @@ impl<F: ForceBeside> TorqueLaw<F> {
             kinematics: plan.kinematics.clone(),
             limits: plan.limits,
             gains: design.gains,
+            filters: design.gains.map(|gains| Decay::new(gains.filter_1_s)),
             design,
             is_softer: false,
+            averaged: AVERAGED,
             swings: [Swing::default(); MAX_WHEELS],
             noise_nm: rated_nm(plan).map(|rated_nm| NOISE_OF_RATED * rated_nm),
             dynamics,
@@ -163,7 +169,7 @@ impl<F: ForceBeside> TorqueLaw<F> {
         if self.design.softer.is_none() || self.is_softer {
             return;
         }
-        let taken = taken(time.period_s());
+        let taken = 1.0 - self.averaged.kept(time.period_s());
         let wheels = self.kinematics.wheel_count();
         for (wheel, swing) in self.swings.iter_mut().take(wheels).enumerate() {
             swing.see(commands.values[wheel], self.noise_nm[wheel], time.now_ns, taken);
@@ -225,7 +231,7 @@ impl<F: ForceBeside> Controller for TorqueLaw<F> {
         let before = self.before.map_or([0.0; 3], |before| before.eta);
         let eta: [f64; 3] = std::array::from_fn(|axis| {
             let now = speed[axis] + age_s * acceleration[axis] - corrected[axis];
-            let keep = (-gains[axis].filter_1_s * period_s).exp();
+            let keep = self.filters[axis].kept_at(gains[axis].filter_1_s, period_s);
             keep * before[axis] + (1.0 - keep) * now
         });
         let led = self.led(acceleration, period_s);

@@ -5,6 +5,8 @@
 //! wheels': no mass, friction or slope need be known. A law of torque swings by itself where it answers to wheels that slide, and where a
 //! motion begins; a drive that holds a speed gives whatever that takes, and tells nothing so.
 
+use omnibase_platform::PerWheel;
+
 use super::probe::Moved;
 use super::sliding::Slide;
 use crate::decay::Decay;
@@ -83,31 +85,29 @@ pub(super) struct Alone {
     forgotten: Decay,
     /// The square of a swing that says nothing, N².
     least: f64,
-    /// Whether wheels may do another one's part.
-    are_spare: bool,
-    wheels: [Wheel; MAX_WHEELS],
+    wheels: PerWheel<Wheel>,
     /// By how much the rims gained more than forces explain, in body axes, m/s.
     ahead_m_s: [f64; 2],
 }
 
 impl Alone {
-    /// Of so many wheels that bear so much together at least, N.
-    pub(super) fn new(load_n: f64, wheels: usize) -> Self {
+    /// Of so many wheels that each bear so much at least, N.
+    pub(super) fn new(wheels: usize, load_n: f64) -> Self {
         Alone {
             fast: Decay::new(FAST_1_S),
             slow: Decay::new(SLOW_1_S),
             averaged: Decay::new(AVERAGED_1_S),
             forgotten: Decay::new(FORGOTTEN_1_S),
-            least: (LEAST_SHARE * load_n / wheels as f64).powi(2),
-            are_spare: wheels > 3,
-            wheels: [Wheel::default(); MAX_WHEELS],
+            least: (LEAST_SHARE * load_n).powi(2),
+            wheels: PerWheel::from_fn(wheels, |_| Wheel::default()),
             ahead_m_s: [0.0; 2],
         }
     }
 
     /// Nothing is known of what was before.
     pub(super) fn forget(&mut self) {
-        (self.wheels, self.ahead_m_s) = ([Wheel::default(); MAX_WHEELS], [0.0; 2]);
+        self.wheels.fill(Wheel::default());
+        self.ahead_m_s = [0.0; 2];
     }
 
     /// Takes in what a wheel's motor pushes its rim with, and the rim the floor, N.
@@ -122,7 +122,7 @@ impl Alone {
     pub(super) fn see(&mut self) {
         let greatest = self.wheels.iter().fold(0.0, |most: f64, wheel| most.max(wheel.motor.square));
         let least = self.least.max(PART * PART * greatest);
-        for wheel in &mut self.wheels {
+        for wheel in self.wheels.iter_mut() {
             let Wheel { motor, floor, .. } = *wheel;
             wheel.is_alone = motor.square > least && floor.square < REACHES * REACHES * motor.square;
         }
@@ -131,11 +131,12 @@ impl Alone {
     /// Hears which do of those that were asked, by a gentle motion or a harder one: by what each motor moves, of wheels of such a mass at
     /// their rims, kg.
     pub(super) fn hear(&mut self, moved: &[Option<Moved>; MAX_WHEELS], wheel_kg: f64, is_gentle: bool) {
+        let are_spare = self.wheels.len() > 3;
         for (wheel, moved) in self.wheels.iter_mut().zip(moved) {
             if let Some(Moved { kg, along_kg, needed_kg, is_pushed }) = *moved {
-                let pushes_back = self.are_spare && is_gentle && along_kg < -BACK * kg;
+                let pushes_back = are_spare && is_gentle && along_kg < -BACK * kg;
                 let turns_alone = !is_pushed && (1.0 - REACHES) * kg < wheel_kg && !pushes_back;
-                let others_push = self.are_spare && is_pushed;
+                let others_push = are_spare && is_pushed;
                 let is_given_little =
                     !others_push && kg < GIVEN * needed_kg && along_kg > -AGAINST * needed_kg;
                 let in_a_row = |looks: u32, says_so: bool| if says_so { looks.saturating_add(1) } else { 0 };
@@ -149,7 +150,7 @@ impl Alone {
     /// Which wheels turn alone for long enough, and how far their rims are ahead: they gain so much more than forces give the platform, in
     /// body axes that turn so fast, m/s² and rad/s.
     pub(super) fn look(&mut self, more_m_s2: [f64; 2], turn_rad_s: f64, span_s: f64) {
-        for wheel in &mut self.wheels {
+        for wheel in self.wheels.iter_mut() {
             let Wheel { floor, since_s, is_alone, .. } = *wheel;
             let is_given = floor.fast * floor.slow > STILL_GIVEN * floor.slow * floor.slow;
             wheel.was_told = since_s >= LASTING_S;
@@ -191,7 +192,7 @@ mod tests {
     /// When the first wheel was told, s, and how far it slid, m: a motor that pushes with 40 N and swings by some at 12 Hz, on a platform of
     /// such a mass that slides from half a second on, if at all, with the rims unexplainedly ahead by 0.4 m/s² more each second.
     fn told(swings_n: f64, kg: f64, slides: bool) -> Option<(f64, f64)> {
-        let mut alone = Alone::new(600.0, 3);
+        let mut alone = Alone::new(2, 200.0);
         let (mut first, mut way_m) = (None, 0.0);
         for cycle in 0..1000 {
             let t = f64::from(cycle) * PERIOD_S;
@@ -232,7 +233,7 @@ mod tests {
     fn a_wheel_that_hardly_pushes_while_others_do_is_not_judged_nor_one_that_is_let_go() {
         // Its own inertia takes all of its small part: the others accelerate it.
         let is_told = |part: f64, given_n: &dyn Fn(f64) -> f64| {
-            let mut alone = Alone::new(600.0, 3);
+            let mut alone = Alone::new(2, 200.0);
             for cycle in 0..1000 {
                 let swing_n = 10.0 * (0.075 * f64::from(cycle)).sin();
                 alone.take(0, 40.0 + swing_n, 40.0 + 0.95 * swing_n, PERIOD_S);
@@ -249,12 +250,7 @@ mod tests {
 
     /// After how many looks, each 14 ms after the other, one of three wheels is told to turn alone, if at all.
     fn looks(moved: impl Fn(u32) -> Moved) -> Option<u32> {
-        looks_of(3, false, moved)
-    }
-
-    /// The same, of so many wheels, by a gentle motion or a harder one.
-    fn looks_of(wheels: usize, is_gentle: bool, moved: impl Fn(u32) -> Moved) -> Option<u32> {
-        let mut alone = Alone::new(200.0 * wheels as f64, wheels);
+        let mut alone = Alone::new(2, 200.0);
         let mut heard = [None; MAX_WHEELS];
         (0..20).find(|look| {
             heard[0] = Some(moved(*look));
@@ -298,7 +294,7 @@ mod tests {
 
     #[test]
     fn what_is_no_number_is_forgotten() {
-        let mut alone = Alone::new(600.0, 3);
+        let mut alone = Alone::new(2, 200.0);
         alone.take(0, f64::NAN, 1.0, PERIOD_S);
         alone.look([f64::NAN, 0.0], 0.0, PERIOD_S);
         for cycle in 0..200 {

@@ -52,7 +52,7 @@ impl<const N: usize> Estimate<N> {
     pub(crate) fn spread(&self, row: &[f64; N]) -> (f64, [f64; N]) {
         // Line by line, all parameters at once: symmetric as it is, the bits are those of each one's own sum.
         let mut spread = self.covariance[0].map(|covariance| covariance * row[0]);
-        for (line, row) in self.covariance.iter().zip(row).skip(1) {
+        for (line, row) in self.covariance[1..].iter().zip(&row[1..]) {
             for (spread, covariance) in spread.iter_mut().zip(line) {
                 *spread += covariance * row;
             }
@@ -63,7 +63,7 @@ impl<const N: usize> Estimate<N> {
     /// The variance of what a row tells that has only the first parts.
     pub(crate) fn variance_of_first<const M: usize>(&self, row: &[f64; M]) -> f64 {
         let mut spread = [0.0; M];
-        for (line, row) in self.covariance.iter().zip(row) {
+        for (line, row) in self.covariance[..M].iter().zip(row) {
             for (spread, covariance) in spread.iter_mut().zip(line) {
                 *spread += covariance * row;
             }
@@ -80,10 +80,10 @@ impl<const N: usize> Estimate<N> {
 
     /// Takes an equation that is `off`, by how much the wrench exceeds what is told, with its whole variance.
     pub(crate) fn take(&mut self, spread: &[f64; N], whole: f64, off: f64) {
-        for index in 0..N {
+        for (index, line) in self.covariance.iter_mut().enumerate() {
             self.theta[index] += spread[index] / whole * off;
-            for other in 0..N {
-                self.covariance[index][other] -= spread[index] * spread[other] / whole;
+            for (covariance, other) in line.iter_mut().zip(spread) {
+                *covariance -= spread[index] * other / whole;
             }
         }
     }

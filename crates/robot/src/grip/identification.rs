@@ -251,13 +251,15 @@ impl Identification {
     /// By how much less than it tells a motion may resist, one standard deviation, N and N·m: what is told as little as can be
     /// has nothing to lose.
     pub(super) fn doubts_n(&self, motion: &Motion) -> [f64; 3] {
-        let sigma = |row: &[f64; BODY]| self.watched.variance_of_first(row).max(0.0).sqrt();
-        motion.rows().map(|row| {
-            let bounded = row.iter().zip(self.watched.theta).zip(self.bounds);
+        let mut doubts_n = [0.0; 3];
+        for (doubt_n, row) in doubts_n.iter_mut().zip(&motion.rows()) {
+            let bounded = row.iter().zip(&self.watched.theta).zip(&self.bounds);
             let lost_n: f64 = bounded.map(|((row, theta), [low, _])| row * (theta - low)).sum();
             let of_centre = self.watched.variance_of_centre([row[4], row[5]]).max(0.0).sqrt();
-            sigma(&row).min(lost_n.abs() + of_centre)
-        })
+            let sigma_n = self.watched.variance_of_first(row).max(0.0).sqrt();
+            *doubt_n = sigma_n.min(lost_n.abs() + of_centre);
+        }
+        doubts_n
     }
 
     /// Learns from a cycle.

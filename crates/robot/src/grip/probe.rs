@@ -173,15 +173,22 @@ pub(super) struct Along {
     pub(super) needed_n: f64,
 }
 
-/// A rim's swings over a look: each with cosine and sine.
+/// What a rim adds to every look.
+#[derive(Clone, Copy, Debug, Default)]
+struct Shown {
+    forwards: i64,
+    /// What was asked for, gains, motor's force, and what was needed.
+    values: [f64; 4],
+}
+
+/// A rim's swings over a look.
 #[derive(Clone, Copy, Debug, Default)]
 struct Swings {
     /// In how many cycles it turned forwards less those in which it turned backwards: dry friction changes where it turns back.
     forwards: i64,
-    asked: [f64; 2],
-    gains: [f64; 2],
-    motor: [f64; 2],
-    needed: [f64; 2],
+    /// What its values have in common with cosine, and with sine.
+    cosines: [f64; 4],
+    sines: [f64; 4],
 }
 
 #[derive(Clone, Copy, Debug, Default)]
@@ -217,6 +224,13 @@ impl Probe {
         let place = place(time.index, cycles);
         let (mut sin, mut cos) = (TAU * place).sin_cos();
         let swing = cos;
+        let mut shown = [Shown::default(); MAX_WHEELS];
+        for (shown, rim) in shown.iter_mut().zip(rims) {
+            *shown = Shown {
+                forwards: i64::from(rim.rim_m_s > DRY_M_S) - i64::from(rim.rim_m_s < -DRY_M_S),
+                values: [swing * rim.asked_m_s2, rim.gains_m_s2, rim.motor_n, swing * rim.needed_n],
+            };
+        }
         for (at, look) in self.looks.iter_mut().enumerate() {
             let index = (time.index + at as u64 * (cycles / LOOKS as u64)) % cycles;
             if index == 0 {
@@ -227,15 +241,12 @@ impl Probe {
             let u = (index as f64 + 0.5) / cycles as f64 - 0.5;
             let with = [-cos, SCALE * (-sin - LINE * u)];
             (sin, cos) = (cos, -sin);
-            add(&mut look.pushed, along.pushed_n, with);
-            add(&mut look.needed, along.needed_n, with);
-            for (swings, rim) in look.wheels.iter_mut().zip(rims) {
-                let Swings { forwards, asked, gains, motor, needed } = swings;
-                *forwards += i64::from(rim.rim_m_s > DRY_M_S) - i64::from(rim.rim_m_s < -DRY_M_S);
-                add(asked, swing * rim.asked_m_s2, with);
-                add(gains, rim.gains_m_s2, with);
-                add(motor, rim.motor_n, with);
-                add(needed, swing * rim.needed_n, with);
+            add(&mut look.pushed, with, along.pushed_n);
+            add(&mut look.needed, with, along.needed_n);
+            for (swings, shown) in look.wheels.iter_mut().zip(&shown[..rims.len()]) {
+                swings.forwards += shown.forwards;
+                add(&mut swings.cosines, shown.values, with[0]);
+                add(&mut swings.sines, shown.values, with[1]);
             }
             if index + 1 == cycles && look.taken == cycles {
                 moved = look.moved(cycles);
@@ -245,9 +256,9 @@ impl Probe {
     }
 }
 
-/// Adds what a value has in common with cosine and sine.
-fn add(sums: &mut [f64; 2], value: f64, with: [f64; 2]) {
-    sums.iter_mut().zip(with).for_each(|(sum, with)| *sum += with * value);
+/// Adds products.
+fn add<const N: usize>(sums: &mut [f64; N], values: [f64; N], with: f64) {
+    *sums = std::array::from_fn(|at| sums[at] + values[at] * with);
 }
 
 impl Look {
@@ -255,8 +266,10 @@ impl Look {
     fn moved(&self, cycles: u64) -> [Option<Moved>; MAX_WHEELS] {
         let size = |sums: [f64; 2]| 2.0 / cycles as f64 * omnibase_platform::length(sums);
         let is_pushed = size(self.pushed) > PUSHED * size(self.needed);
-        let most = self.wheels.iter().fold(0.0, |most: f64, swings| most.max(size(swings.asked)));
-        self.wheels.map(|Swings { forwards, asked, gains, motor, needed }| {
+        let asked = |swings: &Swings| size([swings.cosines[0], swings.sines[0]]);
+        let most = self.wheels.iter().map(asked).fold(0.0, f64::max);
+        self.wheels.map(|Swings { forwards, cosines, sines }| {
+            let [asked, gains, motor, needed] = std::array::from_fn(|at| [cosines[at], sines[at]]);
             let along =
                 (motor[0] * gains[0] + motor[1] * gains[1]) / (gains[0] * gains[0] + gains[1] * gains[1]);
             let [asked, gains, motor, needed] = [asked, gains, motor, needed].map(size);

@@ -46,6 +46,7 @@ pub(super) struct Steady {
     /// By what the file tells the least mass that its motors' torques may show, kg; 0 where it tells none.
     told_kg: f64,
     fast: Decay,
+    forgotten: Decay,
     push_n: Vector,
     friction_n: Vector,
     /// For how long so little pushes that no slope explains it, s.
@@ -93,6 +94,7 @@ impl Steady {
         Steady {
             told_kg: (1.0 - MORE_SHARE) * least_kg,
             fast: Decay::new(FAST_1_S),
+            forgotten: Decay::new(1.0 / FORGOTTEN_S),
             push_n: Vector::default(),
             friction_n: Vector::default(),
             since_s: 0.0,
@@ -104,7 +106,8 @@ impl Steady {
 
     /// Nothing is known of what was before.
     pub(super) fn forget(&mut self) {
-        *self = Steady { told_kg: self.told_kg, fast: self.fast, ..Steady::new(0.0) };
+        let Steady { told_kg, fast, forgotten, .. } = *self;
+        *self = Steady { told_kg, fast, forgotten, ..Steady::new(0.0) };
     }
 
     /// Whether the platform slides.
@@ -153,7 +156,7 @@ impl Steady {
         self.way_m = if ahead_m_s > 0.0 {
             self.way_m + span_s * ahead_m_s
         } else {
-            self.way_m * (-span_s / FORGOTTEN_S).exp()
+            self.way_m * self.forgotten.kept(span_s)
         };
         let least_n = |mass_kg: f64, slope: f64| {
             if size > GENTLE_M_S2 { mass_kg * (size - slope * GRAVITY_M_S2) } else { 0.0 }

@@ -2,9 +2,10 @@
 //! on a floor that doesn't hold it.
 
 use crate::config::{RobotPlan, rated_nm};
+use crate::decay::Decay;
 use crate::signals::{Exchange, MAX_WHEELS};
 use crate::stages::SafetyView;
-use crate::swing::{NOISE_OF_RATED, Swing, taken};
+use crate::swing::{AVERAGED, NOISE_OF_RATED, Swing};
 
 /// So many in a row are no jerk that a tread gives back, and no corner.
 const HALF_SWINGS: u32 = 5;
@@ -16,6 +17,7 @@ pub(super) struct OscillationWatch {
     share: f64,
     /// Rated torques at the wheels, N·m.
     rated_nm: [f64; MAX_WHEELS],
+    averaged: Decay,
     wheels: [Swing; MAX_WHEELS],
 }
 
@@ -24,6 +26,7 @@ impl OscillationWatch {
         OscillationWatch {
             share: plan.safety.oscillation_share,
             rated_nm: rated_nm(plan),
+            averaged: AVERAGED,
             wheels: [Swing::default(); MAX_WHEELS],
         }
     }
@@ -40,7 +43,7 @@ impl OscillationWatch {
         }
         let least_nm =
             if self.share < 1.0 { self.share * view.wheel_limits.torque_nm } else { f64::INFINITY };
-        let taken = taken(view.time.period_s());
+        let taken = 1.0 - self.averaged.kept(view.time.period_s());
         let drives = view.measurements.present().iter().zip(&self.rated_nm);
         for (wheel, (drive, rated_nm)) in self.wheels.iter_mut().zip(drives) {
             wheel.see(drive.torque_nm, least_nm.max(NOISE_OF_RATED * rated_nm), view.time.now_ns, taken);

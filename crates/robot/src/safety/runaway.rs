@@ -11,8 +11,8 @@ use crate::stages::SafetyView;
 
 /// Low-pass on speed and torque, 1/s.
 const LOW_PASS_1_S: f64 = 100.0;
-/// What a wheel gained against its motor is forgotten in so many s: slopes and pushes are slower.
-const FORGOTTEN_S: f64 = 0.1;
+/// What a wheel gained against its motor is forgotten by this rate, 1/s: slopes and pushes are slower.
+const FORGOTTEN_1_S: f64 = 10.0;
 /// So much of its speed limit it must gain, against so much of its motor's rated torque.
 const GAINED_SHARE: f64 = 0.25;
 const TORQUE_SHARE: f64 = 0.2;
@@ -22,6 +22,7 @@ const TORQUE_SHARE: f64 = 0.2;
 pub(super) struct RunawayWatch {
     most_rad_s: f64,
     low_pass: Decay,
+    forgotten: Decay,
     /// At the wheels, N·m.
     rated_nm: [f64; MAX_WHEELS],
     wheels: [Wheel; MAX_WHEELS],
@@ -41,6 +42,7 @@ impl RunawayWatch {
         RunawayWatch {
             most_rad_s,
             low_pass: Decay::new(LOW_PASS_1_S),
+            forgotten: Decay::new(FORGOTTEN_1_S),
             rated_nm: rated_nm(plan),
             wheels: [Wheel::default(); MAX_WHEELS],
         }
@@ -58,7 +60,7 @@ impl RunawayWatch {
         }
         let period_s = view.time.period_s();
         let taken = 1.0 - self.low_pass.kept(period_s);
-        let keep = (-period_s / FORGOTTEN_S).exp();
+        let keep = self.forgotten.kept(period_s);
         for (wheel, drive) in self.wheels.iter_mut().zip(view.measurements.present()) {
             let before_rad_s = wheel.speed_rad_s.abs();
             wheel.speed_rad_s += taken * (drive.speed_rad_s - wheel.speed_rad_s);

@@ -20,15 +20,16 @@ const BEHIND_SHARE: f64 = 0.1;
 pub(super) struct ShortfallWatch {
     /// At the wheels, N·m.
     rated_nm: [f64; MAX_WHEELS],
-    /// What was asked for lately, the newest first: it is measured two cycles later.
+    /// What was asked for lately, and the place of the oldest: it is measured two cycles later.
     asked: [Commands; 3],
+    oldest: usize,
     short_ns: [u64; MAX_WHEELS],
 }
 
 impl ShortfallWatch {
     pub(super) fn new(plan: &RobotPlan) -> Self {
         let asked = [Commands::default(); 3];
-        ShortfallWatch { rated_nm: rated_nm(plan), asked, short_ns: [0; MAX_WHEELS] }
+        ShortfallWatch { rated_nm: rated_nm(plan), asked, oldest: 0, short_ns: [0; MAX_WHEELS] }
     }
 
     /// Nothing was asked for yet.
@@ -38,7 +39,7 @@ impl ShortfallWatch {
 
     /// Takes in what was measured, once a cycle, and what was allowed in the one before.
     pub(super) fn look(&mut self, view: &SafetyView<'_>) {
-        let asked = &self.asked[self.asked.len() - 1];
+        let asked = &self.asked[self.oldest];
         let (limit_nm, limit_rad_s) = (view.wheel_limits.torque_nm, view.wheel_limits.speed_rad_s);
         let period_ns = (view.time.period_s() * 1e9) as u64;
         for (wheel, drive) in view.measurements.present().iter().enumerate() {
@@ -62,8 +63,8 @@ impl ShortfallWatch {
 
     /// What goes out in this cycle.
     pub(super) fn allowed(&mut self, commands: Commands) {
-        self.asked.rotate_right(1);
-        self.asked[0] = commands;
+        self.asked[self.oldest] = commands;
+        self.oldest = (self.oldest + 1) % self.asked.len();
     }
 
     /// The first wheel whose motor gives too little.
