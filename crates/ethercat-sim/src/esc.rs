@@ -25,7 +25,7 @@ pub use pdi_port::PdiPort;
 use access::AccessMap;
 use dc::DcUnit;
 use fmmu::Fmmu;
-use omnibase_ethercat_wire::bytes::{put_u16, put_u32, u16_at, u32_at};
+use omnibase_ethercat_wire::bytes::{put_u16, put_u32, u16_at};
 use omnibase_ethercat_wire::register::{self as reg, al_event};
 use omnibase_ethercat_wire::{DcTime, HostTime};
 use sii::{SiiTiming, SiiUnit};
@@ -75,6 +75,8 @@ pub struct Esc {
     station: u16,
     alias: Option<u16>,
     al_event: u32,
+    /// AL events that run the firmware, as their register says.
+    al_event_mask: u32,
     ecat_event: u16,
     /// ECAT events that the mask lets through, to be ORed into datagrams.
     irq: u16,
@@ -110,6 +112,7 @@ impl Esc {
             station: 0,
             alias: None,
             al_event: 0,
+            al_event_mask: u32::MAX,
             ecat_event: 0,
             irq: 0,
             raised: false,
@@ -149,11 +152,12 @@ impl Esc {
         put_u16(&mut self.memory, usize::from(reg::AL_CONTROL), 1);
         put_u16(&mut self.memory, usize::from(reg::AL_STATUS), 1);
         put_u32(&mut self.memory, usize::from(reg::AL_EVENT_MASK), u32::MAX);
+        self.al_event_mask = u32::MAX;
         put_u16(&mut self.memory, usize::from(reg::WATCHDOG_DIVIDER), watchdog::DIVIDER_DEFAULT);
         put_u16(&mut self.memory, usize::from(reg::WATCHDOG_PDI), watchdog::TIME_DEFAULT);
         put_u16(&mut self.memory, usize::from(reg::WATCHDOG_PROCESS_DATA), watchdog::TIME_DEFAULT);
         self.sync_managers.clear();
-        self.sync_managers.resize(usize::from(config.sm_count), SyncManager::default());
+        self.sync_managers.extend((0..config.sm_count).map(SyncManager::new));
         self.fmmus.clear();
         self.logical = 0..0;
         self.watchdog = Watchdog::default();
@@ -207,9 +211,7 @@ impl Esc {
     /// Sets AL events; the firmware will be run if its mask lets one through.
     fn raise(&mut self, events: u32) {
         self.al_event |= events;
-        if events & u32_at(&self.memory, usize::from(reg::AL_EVENT_MASK)) != 0 {
-            self.raised = true;
-        }
+        self.raised |= events & self.al_event_mask != 0;
     }
 
     /// Whether an event came since the last call.
@@ -357,18 +359,14 @@ impl Esc {
         self.memory[usize::from(reg::WATCHDOG_STATUS)] = u8::from(alive);
     }
 
-    /// Brings the events of SyncManager `n` up to its state.
-    fn show_sync_manager(&mut self, n: usize) {
+    /// Brings the events of SyncManager `n` up to its state; its AL event, and whether that is on.
+    #[inline]
+    fn show_sync_manager(&mut self, n: usize) -> (u32, bool) {
         let manager = &self.sync_managers[n];
-        let event = al_event::sync_manager(n as u8);
-        if manager.pdi_event() {
-            self.al_event |= event;
-        } else {
-            self.al_event &= !event;
-        }
-        if n < 8 {
-            let on = manager.ecat_event();
-            self.set_ecat_event(1 << (4 + n), on);
-        }
+        let (event, is_on) = manager.pdi_event();
+        let (ecat_event, ecat_is_on) = manager.ecat_event();
+        self.al_event = self.al_event & !event | if is_on { event } else { 0 };
+        self.set_ecat_event(ecat_event, ecat_is_on);
+        (event, is_on)
     }
 }

@@ -3,19 +3,25 @@
 /// The `u16` at `offset`. Panics where the slice is too short: callers check lengths once, before.
 #[inline]
 pub fn u16_at(bytes: &[u8], offset: usize) -> u16 {
-    u16::from_le_bytes([bytes[offset], bytes[offset + 1]])
+    let mut number = [0; 2];
+    number.copy_from_slice(&bytes[offset..offset + 2]);
+    u16::from_le_bytes(number)
 }
 
 /// The `u32` at `offset`. Panics where the slice is too short: callers check lengths once, before.
 #[inline]
 pub fn u32_at(bytes: &[u8], offset: usize) -> u32 {
-    u32::from_le_bytes([bytes[offset], bytes[offset + 1], bytes[offset + 2], bytes[offset + 3]])
+    let mut number = [0; 4];
+    number.copy_from_slice(&bytes[offset..offset + 4]);
+    u32::from_le_bytes(number)
 }
 
 /// The `u64` at `offset`. Panics where the slice is too short: callers check lengths once, before.
 #[inline]
 pub fn u64_at(bytes: &[u8], offset: usize) -> u64 {
-    u64::from(u32_at(bytes, offset)) | u64::from(u32_at(bytes, offset + 4)) << 32
+    let mut number = [0; 8];
+    number.copy_from_slice(&bytes[offset..offset + 8]);
+    u64::from_le_bytes(number)
 }
 
 /// Writes `value` at `offset`. Panics where the slice is too short.

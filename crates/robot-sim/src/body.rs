@@ -8,7 +8,6 @@ use crate::floor::{Floor, GRAVITY_M_S2, Surface};
 use crate::load::{Carried, LoadShare};
 use crate::mechanics::Motion;
 use crate::pose::{Pose, Twist, Wrench};
-use crate::tread::Bent;
 use crate::wheel::{Grip, WheelParameters, WheelState};
 use check::{check_body, check_floor, check_payload, check_slope, check_support, check_surface, check_wheel};
 use mounted::{Mounted, prepare, row_of, travel_m_s};
@@ -69,12 +68,12 @@ pub struct Body {
     spare_share: LoadShare,
     rows: Vec<contact::Wheel>,
     wheels: Vec<WheelState>,
-    /// Elastic treads at the start of the step, along and across.
-    bent: Vec<[Bent; 2]>,
     /// Velocity of the centre of mass in the body's axes, and yaw rate.
     velocity: [f64; 3],
     acceleration: [f64; 2],
     pose: Pose,
+    /// Sine and cosine of its heading.
+    heading: (f64, f64),
     push: Wrench,
     /// The same, in the axes of the body.
     push_in_body: Wrench,
@@ -110,10 +109,10 @@ impl Body {
             share,
             rows,
             wheels: vec![WheelState::default(); wheels.len()],
-            bent: vec![Default::default(); wheels.len()],
             velocity: [0.0; 3],
             acceleration: [0.0; 2],
             pose: Pose::default(),
+            heading: (0.0, 1.0),
             push: Wrench::default(),
             push_in_body: Wrench::default(),
             floor: Floor::default(),
@@ -189,6 +188,7 @@ impl Body {
     /// Puts the body somewhere, without moving it there.
     pub fn set_pose(&mut self, pose: Pose) {
         self.pose = pose;
+        self.heading = pose.heading_rad.sin_cos();
     }
 
     /// Gives the body a velocity at once; the wheels keep theirs.
@@ -217,6 +217,11 @@ impl Body {
         self.pose
     }
 
+    /// Sine and cosine of its heading.
+    pub(crate) fn heading(&self) -> (f64, f64) {
+        self.heading
+    }
+
     /// How it moves.
     pub fn twist_in_body(&self) -> Twist {
         let [vx, vy, w] = self.velocity;
@@ -227,6 +232,12 @@ impl Body {
     /// The wheels, in the order given.
     pub fn wheels(&self) -> &[WheelState] {
         &self.wheels
+    }
+
+    /// Force of the floor on wheel `index` along its force direction, and across it (90 deg counter-clockwise from there):
+    /// roller friction. Zeros for an index without a wheel.
+    pub fn forces_n(&self, index: usize) -> [f64; 2] {
+        self.rows.get(index).map_or([0.0; 2], contact::Wheel::forces)
     }
 
     /// The payload that it carries.
@@ -285,7 +296,7 @@ impl Body {
 
     /// Moves as something else says: pose, velocity, wheels and their slip along the force direction.
     pub(crate) fn follow(&mut self, motion: &Motion) {
-        self.pose = motion.pose;
+        self.set_pose(motion.pose);
         self.set_twist(motion.twist_in_body);
         for ((row, wheel), [angle_rad, speed_rad_s]) in
             self.rows.iter_mut().zip(&mut self.wheels).zip(&motion.wheels)
@@ -309,7 +320,7 @@ impl Body {
         // In axes that turn with the body a free body's velocity turns back by the angle of the step.
         let (sin, cos) = sin_cos(before[2] * step_s);
         let start = [before[0] * cos + before[1] * sin, before[1] * cos - before[0] * sin, before[2]];
-        let (heading_sin, heading_cos) = self.pose.heading_rad.sin_cos();
+        let (heading_sin, heading_cos) = self.heading;
         let mass = self.mass(start, heading_sin, heading_cos, rate);
         let [fall_x, fall_y] = self.fall_m_s2;
         // On a slope a body that stands is held against free fall, which shifts loads as acceleration does.
@@ -324,10 +335,10 @@ impl Body {
                 under.map(|patch| &patch.surface)
             })
         };
-        let wheels = self.wheels.iter_mut().zip(&mut self.bent).zip(&self.positions);
-        let rows = self.rows.iter_mut().zip(&self.mounted);
-        for (i, ((row, mounted), ((wheel, bent), position))) in rows.zip(wheels).enumerate() {
-            let holds = surface_at(*position).map_or(mounted.holds, |surface| surface.holds(mounted.roller));
+        let rows = self.rows.iter_mut().zip(&mut self.mounted);
+        for (i, ((row, mounted), wheel)) in rows.zip(&mut self.wheels).enumerate() {
+            let holds =
+                surface_at(mounted.position_m).map_or(mounted.holds, |surface| surface.holds(mounted.roller));
             let load = self.share.load_n(i, held, self.upright);
             wheel.normal_load_n = load;
             prepare(row, mounted, &holds, load, &before);
@@ -337,13 +348,13 @@ impl Body {
                 let creep_m_s_n =
                     if load > 0.0 { mounted.creep * travel_m_s(row, &before) / load } else { 0.0 };
                 let slips_m_s = [row.slip_along(&start, row.speed), row.slip_across(&start, row.speed)];
-                for (axis, bent) in bent.iter_mut().enumerate() {
+                for (axis, bent) in mounted.bent.iter_mut().enumerate() {
                     bent.deflection_m = wheel.deflection_m[axis];
                     bent.slip_m_s = slips_m_s[axis];
                 }
-                bent[0].creep_m_s_n = creep_m_s_n;
-                bristle.set(&mut row.grip, &bent[0], step_s);
-                bristle.set(&mut row.roller, &bent[1], step_s);
+                mounted.bent[0].creep_m_s_n = creep_m_s_n;
+                bristle.set(&mut row.grip, &mounted.bent[0], step_s);
+                bristle.set(&mut row.roller, &mounted.bent[1], step_s);
             }
         }
         self.velocity = contact::solve(&mass, &mut self.rows, start);
@@ -377,18 +388,16 @@ impl Body {
 
     fn move_wheels(&mut self, step_s: f64) {
         let rests = self.velocity == [0.0; 3] && self.rows.iter().all(|row| row.speed == 0.0);
-        let treads = self.mounted.iter().zip(&self.bent);
-        for ((row, wheel), (mounted, bent)) in self.rows.iter().zip(&mut self.wheels).zip(treads) {
+        for ((row, wheel), mounted) in self.rows.iter().zip(&mut self.wheels).zip(&self.mounted) {
             wheel.angle_rad += 0.5 * (wheel.speed_rad_s + row.speed) * step_s;
             wheel.speed_rad_s = row.speed;
-            [wheel.force_along_n, wheel.force_across_n] = row.forces();
             wheel.slip_m_s = row.trial.along;
             wheel.roller_m_s = row.trial.across;
             if let Some(bristle) = mounted.bristle.filter(|_| !rests) {
                 let contacts = [(&row.grip, row.trial.along), (&row.roller, row.trial.across)];
                 for (axis, (friction, end_m_s)) in contacts.into_iter().enumerate() {
                     wheel.deflection_m[axis] =
-                        bristle.deflection_after_m(friction, &bent[axis], end_m_s, step_s);
+                        bristle.deflection_after_m(friction, &mounted.bent[axis], end_m_s, step_s);
                 }
             }
             wheel.grip = if row.grip.regime == Regime::Stick { Grip::Sticking } else { Grip::Sliding };
@@ -409,6 +418,7 @@ impl Body {
         self.pose.x_m += cos * x - sin * y;
         self.pose.y_m += sin * x + cos * y;
         self.pose.heading_rad += turn;
+        self.heading = self.pose.heading_rad.sin_cos();
     }
 
     /// Levers of the contacts about the present centre of mass.

@@ -95,11 +95,14 @@ impl Friction {
     }
 
     /// Takes the regime at `slip`, but never jumps from one sliding direction to the other; `true` if it changed.
+    #[inline]
     fn follow(&mut self, slip: f64) -> bool {
-        let wanted = self.regime_at(slip);
-        let next = match (self.regime, wanted) {
-            (Regime::Forward, Regime::Backward) | (Regime::Backward, Regime::Forward) => Regime::Stick,
-            (_, wanted) => wanted,
+        let beside = slip - self.centre;
+        let next = match self.regime {
+            Regime::Stick => self.regime_at(slip),
+            Regime::Forward if beside > self.width * (1.0 - BORDER) => Regime::Forward,
+            Regime::Backward if -beside > self.width * (1.0 - BORDER) => Regime::Backward,
+            Regime::Forward | Regime::Backward => Regime::Stick,
         };
         // Without a limit there is no force, whatever the regime.
         let changed = next != self.regime && self.limit > 0.0;

@@ -243,7 +243,7 @@ impl Machine {
     pub fn truth(&self) -> Truth {
         let (pose, twist) = (self.body.pose(), self.body.twist_in_body());
         let ahead_s = self.since_grid_s();
-        let (sin, cos) = pose.heading_rad.sin_cos();
+        let (sin, cos) = self.body.heading();
         Truth {
             time_ns: self.now_ns,
             pose: Pose {

@@ -190,7 +190,7 @@ impl Motor {
     /// The largest torque that the winding's temperature allows.
     pub fn thermal_limit_n_m(&self) -> f64 {
         let p = &self.parameters;
-        let cool = ((1.0 - self.heat) / (1.0 - WARM)).clamp(0.0, 1.0);
+        let cool = if self.heat <= WARM { 1.0 } else { ((1.0 - self.heat) / (1.0 - WARM)).max(0.0) };
         p.rated_torque_n_m + cool * (p.peak_torque_n_m - p.rated_torque_n_m)
     }
 
@@ -214,9 +214,12 @@ impl Motor {
         let p = &self.parameters;
         let limit = self.thermal_limit_n_m();
         // Braking is always possible; driving only as far as the voltage reaches.
-        let voltage =
-            (p.maximum_speed_rad_s - speed_rad_s.abs()) / (p.maximum_speed_rad_s - p.rated_speed_rad_s);
-        let driving = limit.min(p.peak_torque_n_m * voltage.clamp(0.0, 1.0));
+        let voltage = if speed_rad_s.abs() <= p.rated_speed_rad_s {
+            1.0
+        } else {
+            (p.maximum_speed_rad_s - speed_rad_s.abs()) / (p.maximum_speed_rad_s - p.rated_speed_rad_s)
+        };
+        let driving = limit.min(p.peak_torque_n_m * voltage.max(0.0));
         let (low, high) = if speed_rad_s >= 0.0 { (-limit, driving) } else { (-driving, limit) };
         let target = self.wanted_n_m.clamp(low, high);
         let missing = target - self.torque_n_m;

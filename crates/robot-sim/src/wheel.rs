@@ -76,10 +76,6 @@ pub struct WheelState {
     pub speed_rad_s: f64,
     /// Load on the floor.
     pub normal_load_n: f64,
-    /// Force of the floor on the wheel along the force direction.
-    pub force_along_n: f64,
-    /// Force of the floor on the wheel across it (90 deg counter-clockwise from the force direction): roller friction.
-    pub force_across_n: f64,
     /// Slip speed over the floor along the force direction; zero while it rolls, but for creep and an elastic tread's
     /// giving way.
     pub slip_m_s: f64,

@@ -7,6 +7,8 @@ mod approaches;
 mod braking;
 mod builds;
 mod calibration;
+mod callgrind;
+mod counts;
 mod events;
 mod fence;
 mod grip;

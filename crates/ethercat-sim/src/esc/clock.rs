@@ -88,31 +88,40 @@ pub struct DriftControl {
     integral_ns_s: f64,
     last: Option<u64>,
     speed_counter_start: u16,
+    /// Bandwidth by the speed counter start, rad/s.
+    bandwidth_rad_s: f64,
+    /// Largest correction, relative: the speed counter difference reaches start − 0x7F.
+    limit: f64,
     difference_depth: u8,
     command: f64,
 }
 
 impl Default for DriftControl {
     fn default() -> Self {
-        DriftControl {
-            mean_ns: 0.0,
-            integral_ns_s: 0.0,
-            last: None,
-            speed_counter_start: SPEED_COUNTER_START_DEFAULT,
-            difference_depth: DIFFERENCE_FILTER_DEFAULT,
-            command: 0.0,
-        }
+        DriftControl::new(SPEED_COUNTER_START_DEFAULT, DIFFERENCE_FILTER_DEFAULT)
     }
 }
 
 impl DriftControl {
+    fn new(speed_counter_start: u16, difference_depth: u8) -> Self {
+        let scale = f64::from(SPEED_COUNTER_START_DEFAULT) / f64::from(speed_counter_start);
+        let start = f64::from(speed_counter_start);
+        let most = start - 127.0;
+        DriftControl {
+            mean_ns: 0.0,
+            integral_ns_s: 0.0,
+            last: None,
+            speed_counter_start,
+            bandwidth_rad_s: BANDWIDTH_RAD_S * scale,
+            limit: most / (5.0 * (start + most + 2.0) * (start - most + 2.0)),
+            difference_depth,
+            command: 0.0,
+        }
+    }
+
     /// Forgets differences and correction; `start` is the speed counter start (bandwidth).
     pub fn reset(&mut self, start: u16, clock: &mut LocalClock, host: u64) {
-        *self = DriftControl {
-            speed_counter_start: start.clamp(0x0080, 0x3FFF),
-            difference_depth: self.difference_depth,
-            ..DriftControl::default()
-        };
+        *self = DriftControl::new(start.clamp(0x0080, 0x3FFF), self.difference_depth);
         clock.correct(host, 0.0);
     }
 
@@ -128,24 +137,16 @@ impl DriftControl {
         let last = self.last.replace(host);
         let Some(elapsed) = last.map(|last| host.saturating_sub(last)).filter(|&ns| ns > 0) else { return };
         let elapsed_s = elapsed as f64 * 1e-9;
-        let scale = f64::from(SPEED_COUNTER_START_DEFAULT) / f64::from(self.speed_counter_start);
-        let bandwidth = (BANDWIDTH_RAD_S * scale).min(STABLE_STEP_RAD / elapsed_s);
+        let bandwidth = self.bandwidth_rad_s.min(STABLE_STEP_RAD / elapsed_s);
         let integral = self.integral_ns_s + bandwidth * bandwidth * ahead * elapsed_s;
         let wanted = 2.0 * bandwidth * ahead + integral;
-        let limit = self.limit() * 1e9;
+        let limit = self.limit * 1e9;
         // While the range is used up, integrating on would only have to be undone.
         if wanted.abs() < limit {
             self.integral_ns_s = integral;
         }
         self.command = wanted.clamp(-limit, limit) * 1e-9;
         clock.correct(host, -self.command);
-    }
-
-    /// Largest correction, relative: the speed counter difference reaches start − 0x7F.
-    fn limit(&self) -> f64 {
-        let start = f64::from(self.speed_counter_start);
-        let most = start - 127.0;
-        most / (5.0 * (start + most + 2.0) * (start - most + 2.0))
     }
 
     /// Register 0x092C: bit 31 set where the own time is smaller, the rest the mean difference in ns.

@@ -134,34 +134,60 @@ impl Esc {
         if telegram.command == Command::Lrw && self.config.has(reg::FEATURE_NO_LRW) {
             return;
         }
-        let reads = telegram.command != Command::Lwr;
-        let writes = telegram.command != Command::Lrd;
+        let count = match telegram.command {
+            Command::Lwr => {
+                let mut written = false;
+                for n in 0..self.fmmus.len() {
+                    let fmmu = self.fmmus[n];
+                    if fmmu.writes
+                        && let Some(bytes) = fmmu.overlap(logical, length)
+                    {
+                        written |= self.write_mapped(&Part { fmmu, logical, bytes }, telegram.data, now);
+                    }
+                }
+                u16::from(written)
+            }
+            Command::Lrd => {
+                let mut read = false;
+                for n in 0..self.fmmus.len() {
+                    let fmmu = self.fmmus[n];
+                    if fmmu.reads
+                        && let Some(bytes) = fmmu.overlap(logical, length)
+                    {
+                        read |= self.read_mapped(&Part { fmmu, logical, bytes }, telegram.data, now);
+                    }
+                }
+                u16::from(read)
+            }
+            _ => self.read_and_write(logical, telegram.data, now),
+        };
+        telegram.count(count);
+    }
+
+    /// LRW; by how much it counts.
+    fn read_and_write(&mut self, logical: u32, data: &mut [u8], now: u64) -> u16 {
         let (mut read, mut written) = (false, false);
         // Writes first: where outputs and inputs overlap in the image, outputs are what the MainDevice sent.
-        for pass in [true, false] {
-            if !(if pass { writes } else { reads }) {
-                continue;
-            }
+        for writes in [true, false] {
             for n in 0..self.fmmus.len() {
                 let fmmu = self.fmmus[n];
-                let Some(bytes) = fmmu.overlap(logical, length) else { continue };
-                let (reads, writes) = (reads && fmmu.reads, writes && fmmu.writes);
+                if fmmu.writes != writes {
+                    continue;
+                }
+                let Some(bytes) = fmmu.overlap(logical, data.len()) else { continue };
                 let part = Part { fmmu, logical, bytes };
-                match (reads, writes) {
-                    (true, true) if pass => {
-                        let (r, w) = self.exchange_mapped(&part, telegram.data, now);
+                match (fmmu.reads, writes) {
+                    (true, true) => {
+                        let (r, w) = self.exchange_mapped(&part, data, now);
                         (read, written) = (read | r, written | w);
                     }
-                    (false, true) if pass => written |= self.write_mapped(&part, telegram.data, now),
-                    (true, false) if !pass => read |= self.read_mapped(&part, telegram.data, now),
-                    _ => {}
+                    (false, true) => written |= self.write_mapped(&part, data, now),
+                    (true, false) => read |= self.read_mapped(&part, data, now),
+                    (false, false) => {}
                 }
             }
         }
-        telegram.count(match telegram.command {
-            Command::Lrw => u16::from(read) + 2 * u16::from(written),
-            _ => u16::from(read || written),
-        });
+        u16::from(read) + 2 * u16::from(written)
     }
 
     /// The memory bytes behind `part`, where whole bytes are mapped; `None` past the end of memory.

@@ -2,7 +2,6 @@
 
 use super::sync_manager::{Access, Side};
 use super::{Esc, GUARDED, REGISTERS};
-use omnibase_ethercat_wire::register::al_event;
 
 /// Who guards an address.
 enum Guard {
@@ -62,7 +61,41 @@ impl Esc {
         (Guard::Free, free_until)
     }
 
+    /// The SyncManager through whose window alone such an access goes: that of all process data.
+    fn window_around(&self, start: usize, length: usize) -> Option<usize> {
+        let n = self.sync_managers.iter().position(|manager| manager.guards(start))?;
+        (start + length <= self.sync_managers[n].window().end).then_some(n)
+    }
+
     fn read_memory(&mut self, side: Side, start: usize, data: &mut [u8], now: u64) -> bool {
+        match self.window_around(start, data.len()) {
+            Some(n) => self.read_window(n, side, start, data),
+            None => self.read_parts(side, start, data, now),
+        }
+    }
+
+    fn write_memory(&mut self, side: Side, start: usize, data: &[u8], now: u64) -> bool {
+        match self.window_around(start, data.len()) {
+            Some(n) => self.write_window(n, side, start, data, now),
+            None => self.write_parts(side, start, data, now),
+        }
+    }
+
+    fn read_window(&mut self, n: usize, side: Side, at: usize, data: &mut [u8]) -> bool {
+        let access = self.sync_managers[n].read(side, at, data, &self.memory);
+        self.accessed(n, side, access)
+    }
+
+    fn write_window(&mut self, n: usize, side: Side, at: usize, data: &[u8], now: u64) -> bool {
+        let access = self.sync_managers[n].write(side, at, data, &mut self.memory);
+        if access == Access::Completed && self.sync_managers[n].triggers_watchdog() {
+            self.watchdog.trigger(now);
+            self.show_watchdog();
+        }
+        self.accessed(n, side, access)
+    }
+
+    fn read_parts(&mut self, side: Side, start: usize, data: &mut [u8], now: u64) -> bool {
         let end = (start + data.len()).min(self.memory.len());
         let (mut at, mut read) = (start, false);
         while at < end {
@@ -74,10 +107,7 @@ impl Esc {
                     part.copy_from_slice(&self.memory[at..stop]);
                     read = true;
                 }
-                Guard::Window(n) => {
-                    let access = self.sync_managers[n].read(side, at, part, &self.memory);
-                    read |= self.accessed(n, side, access);
-                }
+                Guard::Window(n) => read |= self.read_window(n, side, at, part),
                 Guard::Hidden => {}
             }
             at = stop;
@@ -85,7 +115,7 @@ impl Esc {
         read
     }
 
-    fn write_memory(&mut self, side: Side, start: usize, data: &[u8], now: u64) -> bool {
+    fn write_parts(&mut self, side: Side, start: usize, data: &[u8], now: u64) -> bool {
         let end = (start + data.len()).min(self.memory.len());
         let (mut at, mut written) = (start, false);
         while at < end {
@@ -97,14 +127,7 @@ impl Esc {
                     self.memory[at..stop].copy_from_slice(part);
                     written = true;
                 }
-                Guard::Window(n) => {
-                    let access = self.sync_managers[n].write(side, at, part, &mut self.memory);
-                    written |= self.accessed(n, side, access);
-                    if access == Access::Completed && self.sync_managers[n].triggers_watchdog() {
-                        self.watchdog.trigger(now);
-                        self.show_watchdog();
-                    }
-                }
+                Guard::Window(n) => written |= self.write_window(n, side, at, part, now),
                 Guard::Hidden => {}
             }
             at = stop;
@@ -117,9 +140,9 @@ impl Esc {
         if access == Access::Denied {
             return false;
         }
-        self.show_sync_manager(n);
-        if side == Side::Ecat && access == Access::Completed && self.sync_managers[n].pdi_event() {
-            self.raise(al_event::sync_manager(n as u8));
+        let (event, is_on) = self.show_sync_manager(n);
+        if is_on && side == Side::Ecat && access == Access::Completed {
+            self.raise(event);
         }
         true
     }

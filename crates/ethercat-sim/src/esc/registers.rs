@@ -224,13 +224,9 @@ impl Esc {
             Block::EventMasks => {
                 let stored = self.store(side, range.start, data, |_| false);
                 self.mask_ecat_events();
+                self.al_event_mask = u32_at(&self.memory, usize::from(reg::AL_EVENT_MASK));
                 // Opening the mask for an event that waits already is as good as the event.
-                if stored
-                    && side == Side::Pdi
-                    && self.al_event & u32_at(&self.memory, usize::from(reg::AL_EVENT_MASK)) != 0
-                {
-                    self.raised = true;
-                }
+                self.raised |= stored && side == Side::Pdi && self.al_event & self.al_event_mask != 0;
                 stored
             }
             Block::Errors => self.write_errors(side, range, data),

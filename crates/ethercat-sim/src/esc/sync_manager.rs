@@ -2,6 +2,7 @@
 
 use super::REGISTERS;
 use core::ops::Range;
+use omnibase_ethercat_wire::register::al_event;
 
 /// Who accesses the memory.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -39,8 +40,13 @@ const STATUS_FULL: u8 = 1 << 3;
 /// State of one SyncManager.
 #[derive(Clone, Debug, Default)]
 pub struct SyncManager {
+    /// Its bit among AL events, and among ECAT events where it has one there.
+    pdi_bit: u32,
+    ecat_bit: u16,
     start: usize,
     length: usize,
+    /// Where its window ends.
+    window_end: usize,
     control: u8,
     active: bool,
     /// One message at a time instead of three buffers.
@@ -61,6 +67,12 @@ pub struct SyncManager {
 }
 
 impl SyncManager {
+    /// SyncManager `n`, switched off.
+    pub fn new(n: u8) -> Self {
+        let ecat_bit = if n < 8 { 1 << (4 + n) } else { 0 };
+        SyncManager { pdi_bit: al_event::sync_manager(n), ecat_bit, ..SyncManager::default() }
+    }
+
     /// Takes over the registers; an activation starts with empty buffers.
     pub fn configure(&mut self, registers: &[u8]) {
         let (enabled, deactivated) = (registers[6] & 1 != 0, registers[7] & 1 != 0);
@@ -75,11 +87,14 @@ impl SyncManager {
         // Digital outputs are registers: there is one of each, as in a mailbox.
         let buffers = if is_mailbox || start < REGISTERS { 1 } else { 3 };
         *self = SyncManager {
+            pdi_bit: self.pdi_bit,
+            ecat_bit: self.ecat_bit,
             start,
             length,
             control,
             active,
             is_mailbox,
+            window_end: start + length,
             end: start + buffers * length,
             writer: if control >> 2 & 3 == 1 { Side::Ecat } else { Side::Pdi },
             ..SyncManager::default()
@@ -93,12 +108,17 @@ impl SyncManager {
 
     /// The addresses through which its area is accessed.
     pub fn window(&self) -> Range<usize> {
-        self.start..self.start + self.length
+        self.start..self.window_end
     }
 
     /// All memory that it occupies: three buffers in buffered mode.
     pub fn occupied(&self) -> Range<usize> {
         self.start..self.end
+    }
+
+    /// Whether it guards `address`, in any of its buffers.
+    pub fn guards(&self, address: usize) -> bool {
+        self.active && self.start <= address && address < self.end
     }
 
     /// The side that writes.
@@ -133,16 +153,18 @@ impl SyncManager {
         status
     }
 
-    /// Whether the firmware has something to do: its side of the buffer changed hands.
-    pub fn pdi_event(&self) -> bool {
+    /// Its bit among AL events, and whether it is set: the firmware's side of the buffer changed hands.
+    #[inline]
+    pub fn pdi_event(&self) -> (u32, bool) {
         let event = if self.writer == Side::Ecat { self.written_event } else { self.read_event };
-        event && self.control & CONTROL_PDI_EVENT != 0
+        (self.pdi_bit, event && self.control & CONTROL_PDI_EVENT != 0)
     }
 
-    /// Whether the MainDevice has something to do.
-    pub fn ecat_event(&self) -> bool {
+    /// Its bit among ECAT events, and whether it is set: the MainDevice has something to do.
+    #[inline]
+    pub fn ecat_event(&self) -> (u16, bool) {
         let event = if self.writer == Side::Ecat { self.read_event } else { self.written_event };
-        event && self.control & CONTROL_ECAT_EVENT != 0
+        (self.ecat_bit, event && self.control & CONTROL_ECAT_EVENT != 0)
     }
 
     /// Writes `data` at `address`, inside the window.
@@ -152,13 +174,13 @@ impl SyncManager {
         }
         let opened = address == self.start;
         if opened {
-            self.writing = Some(if self.end == self.window().end { 0 } else { self.free_buffer() });
+            self.writing = Some(if self.end == self.window_end { 0 } else { self.free_buffer() });
             self.read_event = false;
         }
         let Some(buffer) = self.writing else { return Access::Denied };
         let at = address + usize::from(buffer) * self.length;
         memory[at..at + data.len()].copy_from_slice(data);
-        if address + data.len() == self.window().end {
+        if address + data.len() == self.window_end {
             self.writing = None;
             self.written_event = true;
             self.full = self.is_mailbox;
@@ -183,7 +205,7 @@ impl SyncManager {
         let Some(buffer) = self.reading else { return Access::Denied };
         let at = address + usize::from(buffer) * self.length;
         data.copy_from_slice(&memory[at..at + data.len()]);
-        if address + data.len() == self.window().end {
+        if address + data.len() == self.window_end {
             self.reading = None;
             self.read_event = true;
             self.full = false;

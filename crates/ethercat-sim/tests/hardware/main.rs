@@ -4,6 +4,8 @@ mod any_bytes;
 mod bench;
 mod clocks;
 mod commands;
+mod counts;
+mod cycle;
 mod firmware_events;
 mod fmmus;
 mod in_process;

@@ -1,18 +1,16 @@
-//! What the filter costs in instructions, counted by callgrind: counts repeat, whatever else the machine does.
-//!
-//! The test starts itself under valgrind. Tests are less optimised than a release; what it is there `cargo bench -p omnibase-fusion`
-//! prints, with what drives the filter in it.
+//! What the filter costs in instructions. What it is in a release `cargo bench -p omnibase-fusion` prints, with what drives the
+//! filter in it.
+
+#[path = "../../../trials/tests/callgrind.rs"]
+mod callgrind;
 
 use std::collections::VecDeque;
-use std::process::Command;
 
 use omnibase_fusion::Filter;
 
 use crate::faulty::every;
 use crate::world::{World, gyro, mouse, settings, tracker};
 
-/// How many cycles are driven, where the test runs under valgrind.
-const COUNTED: &str = "OMNIBASE_FUSION_COUNTED";
 /// The most of a cycle with gyro, two mice and poses at 100 Hz that are 20 ms late.
 const MOST: u64 = 19_900;
 /// Cycles before all is learnt, and with those that are counted.
@@ -43,33 +41,11 @@ fn run(cycles: u64) {
     }
 }
 
-/// Instructions of the filter in so many cycles; `None` without valgrind.
-fn counted(cycles: u64) -> Option<u64> {
-    let mut valgrind = Command::new("valgrind");
-    valgrind.args(["--tool=callgrind", "--callgrind-out-file=/dev/null"]);
-    for function in ["advance", "hear", "estimate"] {
-        valgrind.arg(format!("--toggle-collect=omnibase_fusion::filter::Filter::{function}"));
-    }
-    let test = "counts::a_cycle_costs_no_more_instructions_than_it_may";
-    valgrind.arg(std::env::current_exe().expect("this test"));
-    valgrind.args(["--exact", test, "--test-threads=1"]).env(COUNTED, cycles.to_string());
-    let output = valgrind.output().ok()?;
-    let told = String::from_utf8_lossy(&output.stderr);
-    assert!(output.status.success(), "{told}");
-    let count = told.lines().find_map(|line| line.split("Collected : ").nth(1)).expect("a count");
-    Some(count.trim().parse().expect("a number"))
-}
-
 #[test]
 fn a_cycle_costs_no_more_instructions_than_it_may() {
-    if let Some(cycles) = std::env::var_os(COUNTED) {
-        return run(cycles.to_str().and_then(|cycles| cycles.parse().ok()).expect("a number of cycles"));
-    }
-    let (Some(before), Some(after)) = (counted(CYCLES[0]), counted(CYCLES[1])) else {
-        return eprintln!("SKIPPED: instructions aren't counted without valgrind");
-    };
-    let each = (after - before) / (CYCLES[1] - CYCLES[0]);
-    println!("{each} instructions a cycle");
-    assert!(each > 1000, "{each} instructions a cycle are too few to be true");
-    assert!(each <= MOST, "{each} instructions a cycle, at most {MOST}");
+    let functions =
+        ["advance", "hear", "estimate"].map(|name| format!("omnibase_fusion::filter::Filter::{name}"));
+    let functions = functions.each_ref().map(String::as_str);
+    let test = "counts::a_cycle_costs_no_more_instructions_than_it_may";
+    callgrind::a_cycle_costs_at_most(MOST, test, &functions, CYCLES, run);
 }

@@ -2,12 +2,13 @@
 
 use crate::contact::{self, Regime, STICTION_M_S, STICTION_RAD_S};
 use crate::floor::{Holds, Surface};
-use crate::tread::Bristle;
+use crate::tread::{Bent, Bristle};
 use crate::wheel::WheelParameters;
 
 /// A wheel's parameters in the form that a step needs.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Mounted {
+    pub(super) position_m: [f64; 2],
     pub(super) inertia: f64,
     pub(super) viscous: f64,
     pub(super) coulomb: f64,
@@ -20,6 +21,8 @@ pub(super) struct Mounted {
     pub(super) holds: Holds,
     pub(super) creep: f64,
     pub(super) bristle: Option<Bristle>,
+    /// An elastic tread at the start of the step, along and across.
+    pub(super) bent: [Bent; 2],
 }
 
 impl Mounted {
@@ -29,6 +32,7 @@ impl Mounted {
         let surface =
             Surface { static_friction: contact.static_friction, sliding_friction: contact.sliding_friction };
         Self {
+            position_m: wheel.position_m,
             inertia: wheel.inertia_kg_m2,
             viscous: wheel.bearing_viscous_n_m_s,
             coulomb: wheel.bearing_coulomb_n_m,
@@ -38,6 +42,7 @@ impl Mounted {
             holds: surface.holds(roller),
             creep: contact.creep,
             bristle: contact.tread.map(|tread| Bristle::new(&tread, wheel.inertia_kg_m2, row.arm_along)),
+            bent: Default::default(),
         }
     }
 }
