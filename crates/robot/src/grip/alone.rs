@@ -250,7 +250,12 @@ mod tests {
 
     /// After how many looks, each 14 ms after the other, one of three wheels is told to turn alone, if at all.
     fn looks(moved: impl Fn(u32) -> Moved) -> Option<u32> {
-        let mut alone = Alone::new(2, 200.0);
+        looks_of(3, false, moved)
+    }
+
+    /// The same, of so many wheels, by a gentle motion or a harder one.
+    fn looks_of(wheels: usize, is_gentle: bool, moved: impl Fn(u32) -> Moved) -> Option<u32> {
+        let mut alone = Alone::new(wheels, 200.0);
         let mut heard = [None; MAX_WHEELS];
         (0..20).find(|look| {
             heard[0] = Some(moved(*look));
