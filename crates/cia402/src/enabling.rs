@@ -239,12 +239,12 @@ impl Enabling {
         if self.operating && mode_shown && self.running.is_some() {
             control = control.with(self.mode_bits(mode, feedback.status));
         }
-        let progress = match (self.problem, self.running) {
-            (Some(problem), _) => Progress::Stopped(problem),
-            (None, Some(_)) if self.operating && mode_shown => Progress::Running,
-            (None, _) if self.operating => Progress::SwitchingMode { to: mode },
-            (None, _) if wanted.is_reached(state) => Progress::Holding(state),
-            (None, _) => Progress::Stepping { from: state, to: wanted },
+        let progress = match &self.problem {
+            Some(problem) => Progress::Stopped(*problem),
+            None if self.operating && mode_shown && self.running.is_some() => Progress::Running,
+            None if self.operating => Progress::SwitchingMode { to: mode },
+            None if wanted.is_reached(state) => Progress::Holding(state),
+            None => Progress::Stepping { from: state, to: wanted },
         };
         Output { control, mode, targets, progress }
     }
@@ -289,7 +289,7 @@ impl Enabling {
 
     /// What is wanted after problems had their say.
     fn effective(&self, wanted: Wanted) -> Wanted {
-        match (self.problem, self.state) {
+        match (&self.problem, self.state) {
             (None, _) if self.leaving_quick_stop => Wanted::SwitchOnDisabled,
             (None, _) => wanted,
             (Some(_), _) if self.quick_stop_failed || wanted == Wanted::SwitchOnDisabled => {
@@ -303,7 +303,7 @@ impl Enabling {
 
     /// The mode to ask for: a mode that the drive lacks is never asked for.
     fn mode(&self, feedback: &Feedback, request: &DriveRequest) -> Mode {
-        match (self.problem, self.running) {
+        match (&self.problem, self.running) {
             // While stopping nothing is switched.
             (Some(_), Some((mode, _))) => mode,
             (Some(EnablingError::UnsupportedMode { .. }), None) => {

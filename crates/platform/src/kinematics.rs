@@ -99,9 +99,10 @@ impl Kinematics {
     /// The wrench on the body of wheel torques, in N·m.
     pub fn wrench(&self, wheel_torques_nm: &PerWheel) -> Wrench2 {
         let mut sum = [0.0; 3];
-        for (at, torque_nm) in wheel_torques_nm.iter().enumerate().take(self.wheels.len()) {
-            for (axis, total) in sum.iter_mut().enumerate() {
-                *total += self.rows[at][axis] * torque_nm / self.radii_m[at];
+        let wheels = wheel_torques_nm.iter().zip(self.radii_m.iter());
+        for ((torque_nm, radius_m), row) in wheels.zip(&self.rows) {
+            for (total, part) in sum.iter_mut().zip(row) {
+                *total += part * torque_nm / radius_m;
             }
         }
         Wrench2::new(sum[0], sum[1], sum[2])
@@ -118,21 +119,21 @@ impl Kinematics {
 
     /// Least squares over R·`wheels`, and the length of what remains.
     fn fit(&self, wheels: &PerWheel) -> ([f64; 3], f64) {
-        let count = self.wheels.len().min(wheels.len());
         let mut fit = [0.0; 3];
-        for at in 0..count {
-            let surface = self.radii_m[at] * wheels[at];
-            for (axis, value) in fit.iter_mut().enumerate() {
-                *value += self.twist_per_speed[at][axis] * surface;
+        for ((radius_m, wheel), column) in self.radii_m.iter().zip(wheels.iter()).zip(&self.twist_per_speed) {
+            let surface = radius_m * wheel;
+            for (value, part) in fit.iter_mut().zip(column) {
+                *value += part * surface;
             }
         }
         if self.wheels.len() == 3 {
             return (fit, 0.0);
         }
-        let square: f64 = (0..count)
-            .map(|at| {
-                let b = &self.rows[at];
-                let left = self.radii_m[at] * wheels[at] - (b[0] * fit[0] + b[1] * fit[1] + b[2] * fit[2]);
+        let surfaces = self.radii_m.iter().zip(wheels.iter()).map(|(radius_m, wheel)| radius_m * wheel);
+        let square: f64 = surfaces
+            .zip(&self.rows)
+            .map(|(surface, b)| {
+                let left = surface - (b[0] * fit[0] + b[1] * fit[1] + b[2] * fit[2]);
                 left * left
             })
             .sum();

@@ -295,7 +295,7 @@ impl Robot {
     fn estimate(&mut self) -> PlatformState {
         let record = &self.record;
         let mut unread_rad = self.counted.take_unread(record.exchange);
-        for (wheel, unread_rad) in unread_rad.iter_mut().enumerate() {
+        for (wheel, unread_rad) in unread_rad.iter_mut().enumerate().take(record.measurements.wheels) {
             *unread_rad += self.grip.unread_rad(wheel);
         }
         let state = self.estimator.update(&Observation {

@@ -129,8 +129,8 @@ impl WiringWatch {
     /// Takes in what was measured, once a cycle.
     pub(super) fn look(&mut self, view: &SafetyView<'_>) {
         self.periods = self.periods.map(|periods| periods.saturating_add(1));
-        let is_whole = view.measurements.present().iter().all(|drive| drive.is_finite());
-        if !self.is_told || view.exchange != Exchange::Complete || !is_whole {
+        let is_whole = || view.measurements.present().iter().all(|drive| drive.is_finite());
+        if !self.is_told || view.exchange != Exchange::Complete || !is_whole() {
             return;
         }
         let periods = self.periods.replace(0).filter(|periods| *periods <= LONGEST_GAP);
