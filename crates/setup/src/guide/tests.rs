@@ -3,8 +3,10 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{HostTime, LinkError};
+use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_ethercat_sim::VirtualClock;
 
 use super::*;
@@ -221,6 +223,55 @@ impl Link for Powered {
     fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
         self.0.borrow_mut().receive(buffer, deadline)
     }
+}
+
+/// The segment in PRE-OP, of whoever has the maker's tool.
+fn by_tool(link: &Powered, clock: &VirtualClock) -> Bus<Powered, VirtualClock> {
+    let mut bus = Bus::new(link.clone(), clock.clone(), BusOptions::default());
+    bus.scan().unwrap();
+    bus.configure(&[]).unwrap();
+    bus
+}
+
+/// Max torque of each of three drives, as it is now.
+fn max_torques(link: &Powered, clock: &VirtualClock) -> Vec<u16> {
+    let mut bus = by_tool(link, clock);
+    let object = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+    let read = |position| bus.sdo_read(position, object, SdoAccess::Entry).unwrap();
+    (0..3).map(read).map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]])).collect()
+}
+
+/// A drive whose map has no mode isn't turned in the one that it happens to have: by position it would go to 0.
+#[test]
+fn a_drive_that_maps_no_mode_is_told_it_before() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mode = ObjectAddress::new(0x6060, 0);
+    let mut bus = by_tool(&link, &clock);
+    let entries: [(u16, u8, &[u8]); 8] = [
+        (0x1C12, 0, &[0]),
+        (0x1600, 0, &[0]),
+        (0x1600, 1, &0x6040_0010_u32.to_le_bytes()),
+        (0x1600, 2, &0x607A_0020_u32.to_le_bytes()),
+        (0x1600, 3, &0x60FF_0020_u32.to_le_bytes()),
+        (0x1600, 0, &[3]),
+        (0x1C12, 1, &0x1600_u16.to_le_bytes()),
+        (0x1C12, 0, &[1]),
+    ];
+    for (index, subindex, bytes) in entries {
+        bus.sdo_write(1, ObjectAddress::new(index, subindex), bytes).unwrap();
+    }
+    // Cyclic synchronous position.
+    bus.sdo_write(1, mode, &[8]).unwrap();
+    drop(bus);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        let operational = guide.operational().unwrap();
+        assert!(operational.maps[1].mode.is_none() && operational.maps[0].mode.is_some());
+    });
+    assert_eq!(by_tool(&link, &clock).sdo_read(1, mode, SdoAccess::Entry).unwrap(), [9]);
 }
 
 /// The program was killed in a jog and all drives are found again: what a jog left in them isn't taken for what was there before.
