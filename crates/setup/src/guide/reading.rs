@@ -141,11 +141,17 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn compare(&mut self) -> Result<(), SetupError> {
         let mut bus = self.bus()?;
         self.are_those_found(&bus)?;
-        let now = self.drives_on(&mut bus);
+        let mut now = self.drives_on(&mut bus);
         for was in &self.record.drives {
             if !now.iter().any(|one| one.position == was.position) {
                 let found = "no drive".to_owned();
                 return Err(SetupError::Changed { position: was.position, expected: who(was), found });
+            }
+        }
+        let Record { drives, jogged, .. } = &mut self.record;
+        for was in drives {
+            if let Some(now) = now.iter_mut().find(|one| one.position == was.position) {
+                see_again(jogged, was, now);
             }
         }
         let mut shown = Vec::new();
@@ -362,6 +368,25 @@ impl<C: Clock> Guide<'_, C> {
             if (was.0, was.1) == (object.index, object.subindex) {
                 was.2 = bytes.to_vec();
             }
+        }
+    }
+}
+
+/// What a drive holds now is what the next jog writes over: somebody may have set it meanwhile, or the file has more parameters. Of one
+/// in which an earlier jog left something, what is known stays.
+pub(super) fn see_again(jogged: &[FoundDrive], was: &mut FoundDrive, now: &mut FoundDrive) {
+    let its: Vec<&FoundDrive> = jogged.iter().filter(|one| has_its_numbers(one, was)).collect();
+    // What nobody knows was told when it was found.
+    drop(recall(jogged, now));
+    for (index, subindex, bytes) in std::mem::take(&mut now.was) {
+        let is_this = |one: &(u16, u8, Vec<u8>)| (one.0, one.1) == (index, subindex);
+        // Nobody vouches that a jog didn't write it.
+        let is_of_jog =
+            JOG_WRITES.contains(&(index, subindex)) && !its.iter().any(|one| one.was.iter().any(is_this));
+        match was.was.iter().position(is_this) {
+            Some(place) if its.is_empty() => was.was[place].2 = bytes,
+            None if its.is_empty() || !is_of_jog => was.was.push((index, subindex, bytes)),
+            _ => {}
         }
     }
 }

@@ -315,6 +315,55 @@ fn what_was_there_before_the_first_jog_is_remembered_where_drives_are_found_agai
     });
 }
 
+/// Left in order, then one was set by the maker's tool, and the file got a parameter more: both are as somebody had them in the end.
+#[test]
+fn what_was_set_while_the_set_up_was_left_is_what_is_put_back() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let mut record = Record::default();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        guide.leave_as_found();
+        assert_eq!(guide.record.jogged, []);
+        record = guide.record.clone();
+    });
+    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+    by_tool(&link, &clock).sdo_write(1, torque, &2000_u16.to_le_bytes()).unwrap();
+    let more = "parameters = [{ object = \"6065\", type = \"u32\", value = 77 }, ";
+    let base = BASE.replacen("parameters = [", more, 1);
+    let window = ObjectAddress::new(0x6065, 0);
+    let before = by_tool(&link, &clock).sdo_read(1, window, SdoAccess::Entry).unwrap();
+    with_record(&base, record, &mut open, &mut Nobody, |guide| {
+        guide.compare().unwrap();
+        guide.operational().unwrap();
+        guide.leave_as_found();
+        assert_eq!(guide.record.jogged, []);
+    });
+    assert_eq!(max_torques(&link, &clock), [3000, 2000, 3000]);
+    assert_eq!(by_tool(&link, &clock).sdo_read(1, window, SdoAccess::Entry).unwrap(), before);
+}
+
+/// What an earlier jog left in a drive isn't taken for its own where it is looked at again.
+#[test]
+fn what_a_jog_left_is_not_seen_again() {
+    let drive = |was: &[(u16, u16)]| FoundDrive {
+        was: was.iter().map(|(index, value)| (*index, 0, value.to_le_bytes().to_vec())).collect(),
+        ..FoundDrive::default()
+    };
+    let mut now = drive(&[(at_start::MAX_TORQUE, 100), (0x6065, 7), (0x6085, 9)]);
+    let mut was = drive(&[(0x6085, 8)]);
+    reading::see_again(&[drive(&[(0x6085, 8)])], &mut was, &mut now);
+    assert_eq!(was, drive(&[(0x6085, 8), (0x6065, 7)]), "0x6072 was none that anybody knows");
+    let mut now = drive(&[(at_start::MAX_TORQUE, 100)]);
+    let mut was = drive(&[(at_start::MAX_TORQUE, 3000)]);
+    let known = [was.clone()];
+    reading::see_again(&known, &mut was, &mut now);
+    assert_eq!(was, drive(&[(at_start::MAX_TORQUE, 3000)]));
+}
+
 /// A drive that took a jogged one's place before all were found again is remembered, too; the one that is gone isn't forgotten.
 #[test]
 fn a_drive_in_the_place_of_a_jogged_one_is_remembered_and_that_one_is_told() {
