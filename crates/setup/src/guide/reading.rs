@@ -349,6 +349,10 @@ impl<C: Clock> Guide<'_, C> {
                 }
             }
             if choice == "store" {
+                if let Some(why) = self.left_by_jog(&mut bus, drive.position) {
+                    self.tell_found(format!("{wheel}: not stored: {why}"));
+                    continue;
+                }
                 match bus.sdo_write(drive.position, ObjectAddress::new(0x1010, 1), &SAVE.to_le_bytes()) {
                     Ok(()) => self.record.note(format!("{wheel}: stored (0x1010)")),
                     Err(error) => self.tell_found(format!(
@@ -358,6 +362,26 @@ impl<C: Clock> Guide<'_, C> {
             }
         }
         Ok(true)
+    }
+
+    /// Why what a drive holds now isn't stored in it: its max torque may be what a jog left there.
+    fn left_by_jog(&self, bus: &mut AnyBus<C>, position: u16) -> Option<String> {
+        let object = ObjectAddress::new(MAX_TORQUE, 0);
+        let drive = self.record.drives.iter().find(|one| one.position == position)?;
+        let was = drive.was.iter().find(|(index, ..)| *index == MAX_TORQUE).map(|(.., bytes)| number(bytes));
+        let now = bus.sdo_read(position, object, SdoAccess::Entry).map(|bytes| number(&bytes));
+        let of_jog = ["0".to_owned(), self.wished.torque_per_mille.to_string()];
+        let hint = "set it by the maker's tool, then store";
+        match (now, was) {
+            (Ok(now), Some(was)) if now == was => None,
+            (Ok(now), Some(was)) => {
+                Some(format!("{object} is {now} and was {was} before it was jogged: {hint}"))
+            }
+            (Ok(now), None) if !of_jog.contains(&now) => None,
+            (Ok(now), None) => Some(format!("{object} is {now}, which a jog may have left there: {hint}")),
+            (Err(error), Some(_)) => Some(format!("{object} can't be read: {error}")),
+            (Err(_), None) => None,
+        }
     }
 
     /// What somebody had written into a drive is what is put back from then on.

@@ -56,6 +56,23 @@ impl Hand for Nobody {
     }
 }
 
+/// Answers so whatever is asked, and holds no key.
+struct Says(&'static str);
+
+impl Hand for Says {
+    fn ask(&mut self, _: &Question) -> Answer {
+        Answer::Said(self.0.to_owned())
+    }
+
+    fn tell(&mut self, _: &str) {}
+
+    fn take_key(&mut self, _: &str) {}
+
+    fn key(&mut self) -> crate::Key {
+        crate::Key::Gone
+    }
+}
+
 /// A file with two products: a drive is told the speed of its own wheel or product, and the least where neither is known.
 #[test]
 fn each_drive_has_its_own_scale() {
@@ -362,6 +379,30 @@ fn what_a_jog_left_is_not_seen_again() {
     let known = [was.clone()];
     reading::see_again(&known, &mut was, &mut now);
     assert_eq!(was, drive(&[(at_start::MAX_TORQUE, 3000)]));
+}
+
+/// Nobody knows what a drive's max torque was before it was jogged: what the jog left there isn't stored for ever.
+#[test]
+fn what_a_jog_left_in_a_drive_is_not_stored() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    // As whoever mapped it left it at its end.
+    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+    by_tool(&link, &clock).sdo_write(0, torque, &[0, 0]).unwrap();
+    with_found(BASE, &mut open, &mut Says("store"), |guide| {
+        for drive in &mut guide.record.drives {
+            drive.wheel = Some(format!("wheel_{}", drive.position + 1));
+        }
+        guide.operational().unwrap();
+        assert!(guide.parameters().unwrap());
+        let Record { findings, log, .. } = &guide.record;
+        let stored: Vec<&String> = log.iter().filter(|line| line.contains(": stored (0x1010)")).collect();
+        assert_eq!(stored, ["wheel_2: stored (0x1010)", "wheel_3: stored (0x1010)"], "{findings:?}");
+        assert!(findings.join("\n").contains("wheel_1: not stored: 6072:00 is "), "{findings:?}");
+    });
 }
 
 /// A drive that took a jogged one's place before all were found again is remembered, too; the one that is gone isn't forgotten.
