@@ -130,6 +130,8 @@ pub struct Guide<'a, C: Clock> {
     /// Called with the record after each thing that was done.
     pub(crate) keep: Keep<'a>,
     pub(crate) back_up: BackUp<'a>,
+    /// Each drive is known to be where it was when it was looked at.
+    pub(crate) are_placed: bool,
 }
 
 /// Who stands outside of a set-up.
@@ -221,7 +223,7 @@ impl<'a, C: Clock> Guide<'a, C> {
         Outside { hand, keep, back_up }: Outside<'a>,
     ) -> Result<Self, SetupError> {
         let plan = robot_file::plan(&wished.base, &Registry::with_built_in())?;
-        Ok(Guide { wished, plan, open, hand, record, keep, back_up })
+        Ok(Guide { wished, plan, open, hand, record, keep, back_up, are_placed: false })
     }
 
     /// Keeps what was found so far; whoever can't is told at once, for nobody wants to find it all again.

@@ -134,6 +134,7 @@ impl<C: Clock> Guide<'_, C> {
         self.hand.tell(&text);
         self.record.note(text);
         self.record.drives = drives;
+        self.are_placed = true;
         Ok(())
     }
 
@@ -149,6 +150,8 @@ impl<C: Clock> Guide<'_, C> {
             }
         }
         let Record { drives, jogged, .. } = &mut self.record;
+        // Nothing of a jog is in any of them: what was read just now is put back.
+        self.are_placed = jogged.is_empty();
         for was in drives {
             if let Some(now) = now.iter_mut().find(|one| one.position == was.position) {
                 see_again(jogged, was, now);
@@ -183,7 +186,7 @@ impl<C: Clock> Guide<'_, C> {
     /// jogged is jogged again where he doesn't know. `false` where he leaves.
     pub(super) fn are_in_their_places(&mut self) -> Result<bool, SetupError> {
         let drives = &self.record.drives;
-        let jogged = |one: &&FoundDrive| one.wheel.is_some();
+        let jogged = |one: &&FoundDrive| one.wheel.is_some() || self.is_doubtful(one);
         let alike: Vec<String> = drives
             .iter()
             .filter(jogged)
@@ -205,7 +208,16 @@ impl<C: Clock> Guide<'_, C> {
             self.find()?;
             self.finish(Step::Find);
         }
+        self.are_placed = true;
         Ok(true)
+    }
+
+    /// Whether this may be another drive by now, of which something else is known, and nobody said that it isn't.
+    fn is_doubtful(&self, drive: &FoundDrive) -> bool {
+        let known = |one: &FoundDrive| one.was.iter().cloned().collect::<BTreeSet<_>>();
+        let mut alike =
+            self.record.drives.iter().filter(|other| other.position != drive.position && is_it(drive, other));
+        !self.are_placed && alike.any(|other| known(other) != known(drive))
     }
 
     /// What jogs wrote over is as it was found.
@@ -216,6 +228,14 @@ impl<C: Clock> Guide<'_, C> {
             if !now.is_some_and(|now| is_it(drive, &now)) {
                 failed.push(format!(
                     "SubDevice {} isn't the drive that was jogged: max torque, mode and synchronisation of that one are as the jog left them",
+                    drive.position
+                ));
+                continue;
+            }
+            if self.is_doubtful(drive) {
+                failed.push(format!(
+                    "SubDevice {}: nobody said that it is where it was when it was jogged, and one that looks alike held something else: max \
+                     torque, mode and synchronisation are as the jog left them",
                     drive.position
                 ));
                 continue;

@@ -485,3 +485,46 @@ fn what_drives_that_look_alike_were_before_is_not_guessed() {
     assert!(reading::recall(&jogged, &mut as_found).is_empty());
     assert_eq!(as_found, drive([0xC4, 0x09]));
 }
+
+/// Drives that look alike and held different torques; the program was killed in a jog, and whoever takes it up again doesn't know
+/// whether they were swapped: nothing is written into the wrong one until somebody says that they weren't.
+#[test]
+fn what_was_in_drives_that_look_alike_is_put_back_once_their_places_are_known() {
+    let text = "[[subdevice]]\nkind = \"servo\"\ncount = 3\n";
+    let segment = omnibase_ethercat_sim::SegmentFile::parse(text).unwrap();
+    let segment = segment.build(std::path::Path::new(".")).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+    let as_found = [1100_u16, 1200, 1300];
+    let mut bus = by_tool(&link, &clock);
+    for (position, value) in (0..).zip(as_found) {
+        bus.sdo_write(position, torque, &value.to_le_bytes()).unwrap();
+    }
+    drop(bus);
+    let mut kept = String::new();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        guide.record.done = vec![Step::Find];
+        kept = guide.record.to_json();
+    });
+    let left = max_torques(&link, &clock);
+    assert!(left.iter().zip(as_found).all(|(left, was)| *left != was), "{left:?}");
+    // Asked where they are, he leaves.
+    with_record(BASE, Record::from_json(&kept).unwrap(), &mut open, &mut Nobody, |guide| {
+        assert_eq!(guide.run().unwrap(), Ended::Left(None));
+        let words = guide.record.findings.join("\n");
+        assert!(words.contains("SubDevice 0: nobody said that it is where it was"), "{words}");
+        assert_eq!(guide.record.jogged.len(), 3);
+    });
+    assert_eq!(max_torques(&link, &clock), left);
+    with_record(BASE, Record::from_json(&kept).unwrap(), &mut open, &mut Says("as before"), |guide| {
+        guide.compare().unwrap();
+        assert!(guide.are_in_their_places().unwrap());
+        guide.leave_as_found();
+        assert_eq!(guide.record.jogged, []);
+    });
+    assert_eq!(max_torques(&link, &clock), as_found);
+}
