@@ -174,6 +174,32 @@ fn an_alias_that_two_drives_have_is_written_anew() {
     assert!(found.told.join("\n").contains("its drive has alias 5, as SubDevice 2 has"), "{:?}", found.told);
 }
 
+/// Two drives with one alias that nobody writes anew: by it neither is found, so their places are in the file, which can be driven.
+#[test]
+fn an_alias_that_two_drives_have_is_in_no_file() {
+    let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
+    let places = Some([5, 6, 5].map(BusPlace::Alias));
+    let named = Circumstances { places, has_memory: true, ..Circumstances::default() };
+    let found = set_up_where(named, &robot, &mut |_| None);
+    assert!(found.text.contains("alias = 6 ") && !found.text.contains("alias = 5"), "{}", found.text);
+    assert_eq!(found.text.matches("\nposition = ").count(), 2, "{}", found.text);
+}
+
+/// A switch that was chosen before the set-up was left, and isn't any more.
+#[test]
+fn who_chooses_otherwise_when_asked_again_is_believed() {
+    let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
+    let places = Some([7, 8, 9].map(BusPlace::Identification));
+    let named = Circumstances { places, has_memory: true, ..Circumstances::default() };
+    let mut is_left = false;
+    let found = set_up_where(named, &robot, &mut |question| match question.id.as_str() {
+        "name 0" => Some(said(if is_left { "position" } else { "switch" })),
+        "name 1" if !std::mem::replace(&mut is_left, true) => Some(Answer::Leave),
+        _ => None,
+    });
+    assert!(!found.text.contains("identification = "), "{}", found.text);
+}
+
 /// A program that says an alias that another has, again and again, isn't asked for ever.
 #[test]
 fn an_alias_that_another_has_is_refused_a_few_times_and_then_left() {

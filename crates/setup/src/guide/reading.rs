@@ -167,7 +167,7 @@ impl<C: Clock> Guide<'_, C> {
             let is_shown =
                 now.iter().any(|one| one.position == was.position && one.alias == was.written_alias);
             if is_shown && with_it.map(|one| one.position).eq([was.position]) {
-                was.alias = was.written_alias.take();
+                (was.alias, was.is_by_position) = (was.written_alias.take(), false);
                 shown.push(format!(
                     "SubDevice {} shows alias {} by now: it is found by it",
                     was.position,
