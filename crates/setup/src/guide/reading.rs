@@ -127,7 +127,12 @@ impl<C: Clock> Guide<'_, C> {
             }
         }
         if drives.len() < wheels {
-            return Err(SetupError::TooFewDrives { wheels, drives: drives.len() });
+            let error = SetupError::TooFewDrives { wheels, drives: drives.len() };
+            // What a jog left in those that are there is put back all the same.
+            if !self.record.jogged.is_empty() {
+                (self.record.drives, self.are_placed) = (drives, true);
+            }
+            return Err(error);
         }
         let text =
             format!("{} drives, and {} SubDevices that are none", drives.len(), self.record.others.len());
@@ -262,8 +267,15 @@ impl<C: Clock> Guide<'_, C> {
                 ));
             }
         }
+        let mut told = BTreeSet::new();
         for one in &self.record.jogged {
-            if !self.record.drives.iter().any(|drive| has_its_numbers(one, drive)) {
+            // As many as were jogged, where they look alike.
+            let places = |all: &[FoundDrive]| {
+                let alike = all.iter().filter(|other| has_its_numbers(one, other));
+                alike.map(|other| other.position).collect::<BTreeSet<u16>>().len()
+            };
+            let is_there = places(&self.record.drives) >= places(&self.record.jogged);
+            if !is_there && told.insert((one.vendor_id, one.product_code, one.serial)) {
                 failed.push(format!(
                     "{} was jogged and isn't among the drives that were found: its max torque, mode and synchronisation are as the jog left them",
                     who(one)

@@ -528,3 +528,37 @@ fn what_was_in_drives_that_look_alike_is_put_back_once_their_places_are_known() 
     });
     assert_eq!(max_torques(&link, &clock), as_found);
 }
+
+/// Of drives that look alike one is gone when the set-up is begun anew: the others get back what they held, and that one isn't forgotten.
+#[test]
+fn one_that_is_gone_of_those_that_look_alike_stays_remembered() {
+    use omnibase_ethercat_sim::Fault;
+    let text = "[[subdevice]]\nkind = \"servo\"\ncount = 3\n";
+    let segment = omnibase_ethercat_sim::SegmentFile::parse(text).unwrap();
+    let mut segment = segment.build(std::path::Path::new(".")).unwrap();
+    let injector = segment.injector();
+    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let as_found = max_torques(&link, &clock);
+    let mut jogged = Vec::new();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        jogged = guide.record.jogged.clone();
+    });
+    injector.inject(2, Fault::PowerOff);
+    let record = Record { jogged, ..Record::default() };
+    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
+        assert!(matches!(guide.run(), Err(SetupError::TooFewDrives { wheels: 3, drives: 2 })));
+        let words: Vec<&String> =
+            guide.record.findings.iter().filter(|words| words.contains("isn't among the drives")).collect();
+        assert_eq!(words.len(), 1, "{:?}", guide.record.findings);
+        assert_eq!(guide.record.jogged.len(), 3);
+    });
+    let mut bus = by_tool(&link, &clock);
+    for (position, was) in (0..2).zip(as_found) {
+        let now = bus.sdo_read(position, ObjectAddress::new(at_start::MAX_TORQUE, 0), SdoAccess::Entry);
+        assert_eq!(now.unwrap(), was.to_le_bytes());
+    }
+}
