@@ -78,18 +78,20 @@ impl<C: Clock> Guide<'_, C> {
         Ok(jog)
     }
 
-    /// Nothing is enabled for so long: between the least and the greatest position of one drive, counts.
-    pub(super) fn watch(&mut self, number: usize, seconds: f64) -> Result<i64, SetupError> {
+    /// Nothing is enabled for so long: between the least and the greatest position of one drive, counts; `None` where frames were lost.
+    pub(super) fn watch(&mut self, number: usize, seconds: f64) -> Result<Option<i64>, SetupError> {
         let mut operational = self.operational()?;
         let cycles = (seconds / self.wished.cycle.as_secs_f64()).ceil() as u32;
         let Operational { paced, image, maps } = &mut operational;
         let mut jogger =
             Jogger { paced, image, map: &maps[number], cycle_ns: self.wished.cycle.as_nanos() as u64 };
         let span = jogger.watch(cycles)?;
-        operational
-            .paced
-            .end(|paced| paced.exchange(&mut operational.image).map(drop))
-            .map_err(|error| in_words(&error))?;
+        let ended = operational.paced.end(|paced| paced.exchange(&mut operational.image).map(drop));
+        match ended {
+            // Who is lost goes nowhere, and that is told.
+            Err(_) if span.is_none() => {}
+            ended => ended.map_err(|error| in_words(&error))?,
+        }
         Ok(span)
     }
 

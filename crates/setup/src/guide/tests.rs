@@ -562,3 +562,47 @@ fn one_that_is_gone_of_those_that_look_alike_stays_remembered() {
         assert_eq!(now.unwrap(), was.to_le_bytes());
     }
 }
+
+/// A segment that takes no frames from one number to another.
+#[derive(Clone)]
+struct Interrupted {
+    link: Powered,
+    sent: Rc<std::cell::Cell<u32>>,
+    lost: Rc<std::cell::Cell<[u32; 2]>>,
+}
+
+impl Link for Interrupted {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        let (number, [from, to]) = (self.sent.get(), self.lost.get());
+        self.sent.set(number + 1);
+        if (from..to).contains(&number) { Ok(()) } else { self.link.send(frame) }
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        self.link.receive(buffer, deadline)
+    }
+}
+
+/// A wheel that is pushed while nobody hears of it hasn't held.
+#[test]
+fn a_wheel_that_is_not_seen_for_a_while_has_not_held() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let link = Interrupted { link, sent: Rc::default(), lost: Rc::default() };
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        assert!(guide.watch(0, 1.0).unwrap().is_some());
+        // In the middle of a second like that.
+        let begun = link.sent.get();
+        guide.watch(0, 0.001).unwrap();
+        let first = link.sent.get() + (link.sent.get() - begun) + 300;
+        link.lost.set([first, first + 50]);
+        assert_eq!(guide.watch(0, 1.0).unwrap(), None);
+        assert!(link.sent.get() > first);
+        // Back in time, and for good.
+        link.lost.set([0, 0]);
+        assert!(guide.watch(0, 1.0).unwrap().is_some());
+    });
+}
