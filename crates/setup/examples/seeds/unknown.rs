@@ -142,6 +142,8 @@ struct Person<'a> {
     fails_while: Option<&'static str>,
     /// A drive loses its power once so, until it is asked whether it is jogged again.
     dark_while: Option<&'static str>,
+    /// The emergency stop takes the drives' supply.
+    stop_takes_supply: bool,
     cycles: u32,
     what: String,
     /// What was asked, in order, with its answer.
@@ -178,15 +180,20 @@ impl Person<'_> {
         [pose.x_m, pose.y_m, pose.heading_rad]
     }
 
-    fn to_all(&self, fault: &ApplicationFault) {
+    fn to_all(&self, fault: &Fault) {
         let world = self.world.borrow();
         for position in 0..3 {
-            world
-                .injector
-                .as_ref()
-                .expect("the segment is open")
-                .inject(position, Fault::Application(fault.clone()));
+            world.injector.as_ref().expect("the segment is open").inject(position, fault.clone());
         }
+    }
+
+    /// The emergency stop is pressed, or released.
+    fn stop(&self, is_pressed: bool) {
+        self.to_all(&match (self.stop_takes_supply, is_pressed) {
+            (false, _) => Fault::Application(ApplicationFault::SafeTorqueOff(is_pressed)),
+            (true, true) => Fault::PowerOff,
+            (true, false) => Fault::PowerOn,
+        });
     }
 
     fn switch_off_and_on(&self) {
@@ -261,7 +268,7 @@ impl Hand for Person<'_> {
             "wheels" => "take".to_owned(),
             "drive" | "enable" => "again".to_owned(),
             "release" => {
-                self.to_all(&ApplicationFault::SafeTorqueOff(false));
+                self.stop(false);
                 "done".to_owned()
             }
             "power" => {
@@ -287,7 +294,7 @@ impl Hand for Person<'_> {
     fn key(&mut self) -> Key {
         self.cycles += 1;
         if self.what.contains("emergency stop") && self.cycles == PRESSED_AT {
-            self.to_all(&ApplicationFault::SafeTorqueOff(true));
+            self.stop(true);
         }
         if self.cycles == FAILS_AT && self.fails_while.is_some_and(|part| self.what.contains(part)) {
             self.fails_while = None;
@@ -340,6 +347,8 @@ pub struct Circumstances {
     pub fails_while: Option<&'static str>,
     /// The drive at position 1 loses its power once so, until it is asked whether it is jogged again.
     pub dark_while: Option<&'static str>,
+    /// The emergency stop takes the drives' supply.
+    pub stop_takes_supply: bool,
     /// All drives are switched off and on between two sessions.
     pub is_switched_between: bool,
     /// What the wheels' drives are named by already: aliases in their EEPROMs, or switches.
@@ -374,6 +383,7 @@ pub fn set_up_in(
         lets_go_at,
         fails_while,
         dark_while,
+        stop_takes_supply,
         is_switched_between,
         places,
         has_memory,
@@ -415,6 +425,7 @@ pub fn set_up_in(
         lets_go_at,
         fails_while,
         dark_while,
+        stop_takes_supply,
         cycles: 0,
         what: String::new(),
         asked: Vec::new(),
