@@ -10,7 +10,7 @@ type AnyBus<C> = Bus<Box<dyn Link>, C>;
 
 impl<C: Clock> Guide<'_, C> {
     /// The segment in INIT, everybody looked at.
-    fn scanned(&mut self) -> Result<AnyBus<C>, SetupError> {
+    pub(super) fn scanned(&mut self) -> Result<AnyBus<C>, SetupError> {
         let (link, clock) = (self.open)().map_err(SetupError::Open)?;
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan().map_err(|error| in_words(&error))?;

@@ -606,3 +606,22 @@ fn a_wheel_that_is_not_seen_for_a_while_has_not_held() {
         assert!(guide.watch(0, 1.0).unwrap().is_some());
     });
 }
+
+/// Drives that were plugged in otherwise since they were jogged drive nobody over the floor: their file tells them by their place.
+#[test]
+fn another_drive_than_was_jogged_does_not_drive_on_the_floor() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+        let (segment, _) = omnibase_run::simulated::segment(&plan).map_err(|error| error.to_string())?;
+        let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+        Ok((Box::new(link), clock))
+    };
+    with_found(BASE, &mut open, &mut Says("drive"), |guide| {
+        for drive in &mut guide.record.drives {
+            drive.wheel = Some(format!("wheel_{}", drive.position + 1));
+        }
+        guide.record.drives[1].serial = 99;
+        let ended = guide.first_metre();
+        assert!(matches!(ended, Err(SetupError::Changed { position: 1, .. })), "{ended:?}");
+    });
+}
