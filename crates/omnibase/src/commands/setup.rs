@@ -120,7 +120,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         }
         before => {
             if state.exists() {
-                let aside = beside(&arguments.output, "state.before.json");
+                let aside = free(&arguments.output, "state.before", "json")?;
                 std::fs::rename(&state, &aside).with_context(|| format!("renaming `{}`", state.display()))?;
                 note(format_args!("begun anew; what was found before is in `{}`", aside.display()));
             }
@@ -221,9 +221,7 @@ fn finished(
 
 /// Keeps what an EEPROM holds beside the robot's file; what was kept before stays as it is.
 fn back_up(output: &Path, position: u16, bytes: &[u8]) -> anyhow::Result<()> {
-    let ends = (2..).map(|number| format!("eeprom-{position}.{number}.bin"));
-    for end in std::iter::once(format!("eeprom-{position}.bin")).chain(ends) {
-        let path = beside(output, &end);
+    for path in paths(output, &format!("eeprom-{position}"), "bin") {
         match what_is_there(&path)? {
             None => return write_whole(&path, bytes),
             Some(kept) if kept == bytes => return Ok(()),
@@ -231,6 +229,22 @@ fn back_up(output: &Path, position: u16, bytes: &[u8]) -> anyhow::Result<()> {
         }
     }
     anyhow::bail!("no name is free beside `{}`", output.display())
+}
+
+/// Names beside a file: `mine.name.end`, `mine.name.2.end`, and so on.
+fn paths(file: &Path, name: &str, end: &str) -> impl Iterator<Item = PathBuf> {
+    let numbered = (2..).map(move |number: u32| format!("{name}.{number}.{end}"));
+    std::iter::once(format!("{name}.{end}")).chain(numbered).map(move |end| beside(file, &end))
+}
+
+/// The first of them that nobody has: what was set aside before stays.
+fn free(file: &Path, name: &str, end: &str) -> anyhow::Result<PathBuf> {
+    for path in paths(file, name, end) {
+        if what_is_there(&path)?.is_none() {
+            return Ok(path);
+        }
+    }
+    anyhow::bail!("no name is free beside `{}`", file.display())
 }
 
 /// Whoever is asked and holds the key.
@@ -411,6 +425,17 @@ mod tests {
         assert!(kept_record(&state).unwrap().is_some());
         std::fs::write(&state, "half").unwrap();
         assert!(kept_record(&state).unwrap_err().to_string().contains("mine.state.json"));
+    }
+
+    #[test]
+    fn a_set_up_begun_anew_twice_has_both_that_were_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("mine.toml");
+        for expected in ["mine.state.before.json", "mine.state.before.2.json", "mine.state.before.3.json"] {
+            let path = free(&file, "state.before", "json").unwrap();
+            assert_eq!(path, folder.path().join(expected));
+            std::fs::write(&path, expected).unwrap();
+        }
     }
 
     #[test]
