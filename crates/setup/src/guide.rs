@@ -233,13 +233,18 @@ impl<'a, C: Clock> Guide<'a, C> {
         }
     }
 
-    /// Every step that isn't done yet. However it ends, what jogs wrote over in the drives is put back.
+    /// Every step that isn't done yet. However it ends, what jogs wrote over in the drives is put back, or told where it can't be.
     pub fn run(&mut self) -> Result<Ended, SetupError> {
         let robot = self.robot();
-        match &self.record.robot {
-            Some(begun) if *begun != robot => return Err(SetupError::OtherRobot),
-            _ => self.record.robot = Some(robot),
+        if self.record.robot.as_ref().is_some_and(|begun| *begun != robot) {
+            // Drives of this robot may look like those that were jogged, so nothing is put back into them.
+            if !self.record.jogged.is_empty() {
+                self.tell_left(&SetupError::OtherRobot);
+                self.kept();
+            }
+            return Err(SetupError::OtherRobot);
         }
+        self.record.robot = Some(robot);
         let ended = self.steps();
         if !self.record.jogged.is_empty() {
             self.leave_as_found();

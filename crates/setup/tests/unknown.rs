@@ -6,7 +6,7 @@ mod unknown;
 use omnibase_ethercat::wire::Link;
 use omnibase_ethercat_sim::VirtualClock;
 use omnibase_robot::config::BusPlace;
-use omnibase_setup::{Answer, Guide, Outside, Question, Record, Step, Wished};
+use omnibase_setup::{Answer, FoundDrive, Guide, Outside, Question, Record, Step, Wished};
 use unknown::{Circumstances, Found, Unknown, differences, drive_square, set_up, set_up_in};
 
 fn robot() -> Unknown {
@@ -576,10 +576,11 @@ fn an_alias_that_shows_later_is_believed_when_the_set_up_is_taken_up_again() {
     }
 }
 
-/// A state is of the robot that it was begun with.
+/// A state is of the robot that it was begun with; what a jog left in that one's drives is told.
 #[test]
 fn a_set_up_of_another_robot_is_refused() {
-    let record = Record { robot: Some("another".to_owned()), ..Record::default() };
+    let jogged = vec![FoundDrive::default()];
+    let record = Record { robot: Some("another".to_owned()), jogged, ..Record::default() };
     let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> { panic!("nothing is opened") };
     let (mut hand, mut keep, mut back_up) = (Deaf(0), |_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
     let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
@@ -587,4 +588,7 @@ fn a_set_up_of_another_robot_is_refused() {
     assert!(
         guide.run().unwrap_err().to_string().contains("begun with the file of a robot with other wheels")
     );
+    let findings = guide.record.findings.join("\n");
+    assert!(findings.contains("are as the last jog left them: this set-up was begun with"), "{findings}");
+    assert_eq!(guide.record.jogged.len(), 1);
 }

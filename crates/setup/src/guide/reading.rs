@@ -292,14 +292,16 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn leave_as_found(&mut self) {
         match self.bus() {
             Ok(mut bus) => self.put_back(&mut bus),
-            Err(error) => {
-                let text = format!(
-                    "max torque, mode and synchronisation of the drives are as the last jog left them: {error}"
-                );
-                self.tell_found(text);
-            }
+            Err(error) => self.tell_left(&error),
         }
         self.kept();
+    }
+
+    /// Says why nothing is put back.
+    pub(super) fn tell_left(&mut self, error: &SetupError) {
+        self.tell_found(format!(
+            "max torque, mode and synchronisation of the drives are as the last jog left them: {error}"
+        ));
     }
 
     /// Says what somebody has to look at, and keeps it.
