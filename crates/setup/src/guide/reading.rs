@@ -10,7 +10,7 @@ use omnibase_ethercat::{Bus, BusOptions};
 
 use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 
-use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE};
+use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE, STORE};
 use super::{Guide, SetupError, has_its_numbers, in_words, is_it, is_product, seen, who};
 use crate::record::{FoundDevice, FoundDrive, Record, Step};
 
@@ -387,7 +387,7 @@ impl<C: Clock> Guide<'_, C> {
                     self.tell_found(format!("{wheel}: not stored: {why}"));
                     continue;
                 }
-                match bus.sdo_write(drive.position, ObjectAddress::new(0x1010, 1), &SAVE.to_le_bytes()) {
+                match bus.sdo_write(drive.position, ObjectAddress::new(STORE, 1), &SAVE.to_le_bytes()) {
                     Ok(()) => self.record.note(format!("{wheel}: stored (0x1010)")),
                     Err(error) => self.tell_found(format!(
                         "{wheel}: it doesn't store: {error}; the file writes them at each start"
@@ -482,7 +482,8 @@ pub(super) fn recall(jogged: &[FoundDrive], drive: &mut FoundDrive) -> Vec<Strin
 
 /// Whether a drive can be asked for it now, and may keep it.
 fn can_be_stored(parameter: &ParameterPlan) -> bool {
-    parameter.state == ParameterState::PreOp
+    parameter.index != STORE
+        && parameter.state == ParameterState::PreOp
         && parameter.access == SdoAccess::Entry
         && parameter.read_back == ReadBack::Compare
 }

@@ -405,6 +405,32 @@ fn what_a_jog_left_in_a_drive_is_not_stored() {
     });
 }
 
+/// A file that has drives store what they hold at each start has them store nothing while a jog's torque may be there.
+#[test]
+fn what_the_file_has_drives_store_is_not_asked_for_by_a_jog() {
+    let more = "parameters = [{ object = \"1010.1\", type = \"u32\", value = 1_702_257_011 }, ";
+    let base = BASE.replacen("parameters = [", more, 1);
+    let plan = robot_file::plan(&base, &Registry::with_built_in()).unwrap();
+    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+        let (segment, _) = omnibase_run::simulated::segment(&plan).map_err(|error| error.to_string())?;
+        let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+        Ok((Box::new(link), clock))
+    };
+    with_found(&base, &mut open, &mut Says("write"), |guide| {
+        let at_start = at_start::AtStart::of_drive(&guide.plan, &guide.record.drives[0]);
+        let objects: Vec<u16> = at_start.objects().map(|(index, _)| index).collect();
+        assert!(objects.contains(&0x6085) && !objects.contains(&at_start::STORE), "{objects:x?}");
+        for drive in &mut guide.record.drives {
+            drive.wheel = Some(format!("wheel_{}", drive.position + 1));
+        }
+        assert!(guide.parameters().unwrap());
+        let of_store: Vec<&String> = guide.record.log.iter().filter(|line| line.contains("1010")).collect();
+        assert!(
+            of_store.len() == 3 && of_store.iter().all(|line| line.contains("can't be compared and stored"))
+        );
+    });
+}
+
 /// A drive that took a jogged one's place before all were found again is remembered, too; the one that is gone isn't forgotten.
 #[test]
 fn a_drive_in_the_place_of_a_jogged_one_is_remembered_and_that_one_is_told() {
