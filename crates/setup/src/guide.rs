@@ -2,6 +2,7 @@
 
 mod alias_write;
 mod at_start;
+mod before;
 mod brakes;
 mod floor;
 mod jogging;
