@@ -5,7 +5,7 @@
 
 mod broken_off;
 mod relay;
-#[path = "../../setup/examples/seeds/unknown.rs"]
+#[path = "../../setup/examples/seeds/unknown/mod.rs"]
 #[allow(dead_code, reason = "the set-up's own tests have the other half")]
 mod unknown;
 

@@ -2,6 +2,7 @@
 
 mod alias_write;
 mod at_start;
+mod before;
 mod brakes;
 mod floor;
 mod jogging;
@@ -130,6 +131,8 @@ pub struct Guide<'a, C: Clock> {
     /// Called with the record after each thing that was done.
     pub(crate) keep: Keep<'a>,
     pub(crate) back_up: BackUp<'a>,
+    /// Each drive is known to be where it was when it was looked at.
+    pub(crate) are_placed: bool,
 }
 
 /// Who stands outside of a set-up.
@@ -221,7 +224,7 @@ impl<'a, C: Clock> Guide<'a, C> {
         Outside { hand, keep, back_up }: Outside<'a>,
     ) -> Result<Self, SetupError> {
         let plan = robot_file::plan(&wished.base, &Registry::with_built_in())?;
-        Ok(Guide { wished, plan, open, hand, record, keep, back_up })
+        Ok(Guide { wished, plan, open, hand, record, keep, back_up, are_placed: false })
     }
 
     /// Keeps what was found so far; whoever can't is told at once, for nobody wants to find it all again.
@@ -231,13 +234,18 @@ impl<'a, C: Clock> Guide<'a, C> {
         }
     }
 
-    /// Every step that isn't done yet. However it ends, what jogs wrote over in the drives is put back.
+    /// Every step that isn't done yet. However it ends, what jogs wrote over in the drives is put back, or told where it can't be.
     pub fn run(&mut self) -> Result<Ended, SetupError> {
         let robot = self.robot();
-        match &self.record.robot {
-            Some(begun) if *begun != robot => return Err(SetupError::OtherRobot),
-            _ => self.record.robot = Some(robot),
+        if self.record.robot.as_ref().is_some_and(|begun| *begun != robot) {
+            // Drives of this robot may look like those that were jogged, so nothing is put back into them.
+            if !self.record.jogged.is_empty() {
+                self.tell_left(&SetupError::OtherRobot);
+                self.kept();
+            }
+            return Err(SetupError::OtherRobot);
         }
+        self.record.robot = Some(robot);
         let ended = self.steps();
         if !self.record.jogged.is_empty() {
             self.leave_as_found();

@@ -224,20 +224,24 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
     }
 
     /// Tells the drive nothing for so many cycles, so it stays disabled; how far it moved all the same, counts from the least
-    /// to the greatest position.
-    pub fn watch(&mut self, cycles: u32) -> Result<i64, LinkError> {
+    /// to the greatest position; `None` where frames were lost, for then nobody saw it.
+    pub fn watch(&mut self, cycles: u32) -> Result<Option<i64>, LinkError> {
         self.image.outputs.fill(0);
         self.paced.exchange(self.image)?;
         let mut last = self.inputs().position;
-        let (mut travel, mut least, mut greatest) = (0i64, 0, 0);
+        let (mut travel, mut least, mut greatest, mut lost) = (0i64, 0, 0, 0);
         for _ in 0..cycles {
-            self.paced.exchange(self.image)?;
+            let (exchange, _) = self.paced.exchange(self.image)?;
+            lost = if exchange == Exchange::Complete { 0 } else { lost + 1 };
+            if lost > LOST_CYCLES {
+                return Ok(None);
+            }
             let position = self.inputs().position;
             travel += i64::from(position.wrapping_sub(last));
             last = position;
             (least, greatest) = (travel.min(least), travel.max(greatest));
         }
-        Ok(greatest - least)
+        Ok(Some(greatest - least))
     }
 
     /// The speed that leaves in this cycle's frame.

@@ -90,6 +90,9 @@ pub struct FoundDrive {
     /// What its identification switch shows; `None` where it has none, or none was chosen.
     #[serde(default)]
     pub identification: Option<u16>,
+    /// It is found by its position, whatever alias it has: another has it, too, or somebody wished so.
+    #[serde(default)]
+    pub is_by_position: bool,
     /// 0x6076, N·m, where it says it.
     pub rated_torque_nm: Option<f64>,
     /// What a jog writes over in it, as it was found: index, subindex and bytes.

@@ -104,7 +104,7 @@ fn table(name: &str, drive: &FoundDrive, written: Option<&Table>) -> Table {
         _ => "seen to turn",
     };
     put("name", value(name), seen);
-    match (drive.identification, drive.alias) {
+    match (drive.identification, drive.alias.filter(|_| !drive.is_by_position)) {
         (Some(number), _) => put("identification", value(i64::from(number)), "shown by its switch"),
         (None, Some(alias)) => put("alias", value(i64::from(alias)), "wherever it is plugged in"),
         (None, None) => {

@@ -37,8 +37,9 @@ class Link {
     this.socket.onmessage = this.socket.onclose = null;
     this.socket.close();
     button.letGo();
-    // Another program may be at the other end, and ask something else.
+    // Another program may be at the other end, and ask something else by the same number.
     answered = null;
+    delete at("question").dataset.number;
     isLeaving = false;
     setTimeout(() => this.connect(), AGAIN_MS);
   }

@@ -20,7 +20,7 @@ use omnibase_ethercat::wire::Link;
 use omnibase_host::{FileLock, stop_on_signals};
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::pace::PacedClock;
-use omnibase_setup::{Calibrated, Ended, Guide, Hand, Outside, Record, Step, Wished, robot_file};
+use omnibase_setup::{Calibrated, Ended, Guide, Hand, Outside, Record, SetupError, Step, Wished, robot_file};
 use std::convert::Infallible;
 use std::io::{BufReader, Write};
 use std::net::SocketAddr;
@@ -120,7 +120,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         }
         before => {
             if state.exists() {
-                let aside = beside(&arguments.output, "state.before.json");
+                let aside = free(&arguments.output, "state.before", "json")?;
                 std::fs::rename(&state, &aside).with_context(|| format!("renaming `{}`", state.display()))?;
                 note(format_args!("begun anew; what was found before is in `{}`", aside.display()));
             }
@@ -158,11 +158,11 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let mut guide = Guide::new(wished, record, &mut open, outside)?;
     let ended = guide.run();
     let mut record = guide.record.clone();
-    let calibrated = if record.takes_calibration { guide.calibrated()? } else { None };
+    let calibrated = if record.takes_calibration { guide.calibrated() } else { Ok(None) };
     let finish = || {
         let finished = ended
             .map_err(Into::into)
-            .and_then(|ended| finished(arguments, ended, calibrated.as_ref(), &mut record.written));
+            .and_then(|ended| finished(&arguments.output, ended, calibrated, &mut record.written));
         write_whole(&state, record.to_json())?;
         write_whole(&told, in_words(&record))?;
         finished
@@ -197,9 +197,9 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 
 /// Writes what it came to, and keeps it as `written`; whether it is the whole file.
 fn finished(
-    arguments: &Arguments,
+    output: &Path,
     ended: Ended,
-    calibrated: Option<&Calibrated>,
+    calibrated: Result<Option<Calibrated>, SetupError>,
     written: &mut Option<String>,
 ) -> anyhow::Result<bool> {
     let (text, is_whole) = match ended {
@@ -207,13 +207,14 @@ fn finished(
         Ended::File(text) => (Some(text), true),
     };
     let Some(text) = text else { return Ok(is_whole) };
-    let with_wheels = match calibrated.filter(|_| is_whole) {
-        Some(calibrated) => with_wheels(&text, calibrated),
-        None => Ok(text.clone()),
+    let with_wheels = match calibrated {
+        Ok(Some(calibrated)) if is_whole => with_wheels(&text, &calibrated),
+        Err(error) if is_whole => Err(error.into()),
+        _ => Ok(text.clone()),
     };
     // Whatever came of the tape, the file is there.
     let text = with_wheels.as_ref().unwrap_or(&text);
-    write_whole(&arguments.output, text)?;
+    write_whole(output, text)?;
     *written = Some(text.clone());
     with_wheels.context("the file is written without the wheels that the tape found: measure again")?;
     Ok(is_whole)
@@ -221,9 +222,7 @@ fn finished(
 
 /// Keeps what an EEPROM holds beside the robot's file; what was kept before stays as it is.
 fn back_up(output: &Path, position: u16, bytes: &[u8]) -> anyhow::Result<()> {
-    let ends = (2..).map(|number| format!("eeprom-{position}.{number}.bin"));
-    for end in std::iter::once(format!("eeprom-{position}.bin")).chain(ends) {
-        let path = beside(output, &end);
+    for path in paths(output, &format!("eeprom-{position}"), "bin") {
         match what_is_there(&path)? {
             None => return write_whole(&path, bytes),
             Some(kept) if kept == bytes => return Ok(()),
@@ -231,6 +230,22 @@ fn back_up(output: &Path, position: u16, bytes: &[u8]) -> anyhow::Result<()> {
         }
     }
     anyhow::bail!("no name is free beside `{}`", output.display())
+}
+
+/// Names beside a file: `mine.name.end`, `mine.name.2.end`, and so on.
+fn paths(file: &Path, name: &str, end: &str) -> impl Iterator<Item = PathBuf> {
+    let numbered = (2..).map(move |number: u32| format!("{name}.{number}.{end}"));
+    std::iter::once(format!("{name}.{end}")).chain(numbered).map(move |end| beside(file, &end))
+}
+
+/// The first of them that nobody has: what was set aside before stays.
+fn free(file: &Path, name: &str, end: &str) -> anyhow::Result<PathBuf> {
+    for path in paths(file, name, end) {
+        if what_is_there(&path)?.is_none() {
+            return Ok(path);
+        }
+    }
+    anyhow::bail!("no name is free beside `{}`", file.display())
 }
 
 /// Whoever is asked and holds the key.
@@ -411,6 +426,30 @@ mod tests {
         assert!(kept_record(&state).unwrap().is_some());
         std::fs::write(&state, "half").unwrap();
         assert!(kept_record(&state).unwrap_err().to_string().contains("mine.state.json"));
+    }
+
+    #[test]
+    fn ways_that_no_wheels_fit_keep_no_file_back() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("mine.toml");
+        let mut written = None;
+        let calibrated = Err(SetupError::Bus("no wheels fit".to_owned()));
+        let ended = finished(&file, Ended::File("name = 1".to_owned()), calibrated, &mut written);
+        let words = format!("{:#}", ended.unwrap_err());
+        assert!(words.contains("without the wheels") && words.contains("no wheels fit"), "{words}");
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), "name = 1");
+        assert_eq!(written.as_deref(), Some("name = 1"));
+    }
+
+    #[test]
+    fn a_set_up_begun_anew_twice_has_both_that_were_before() {
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("mine.toml");
+        for expected in ["mine.state.before.json", "mine.state.before.2.json", "mine.state.before.3.json"] {
+            let path = free(&file, "state.before", "json").unwrap();
+            assert_eq!(path, folder.path().join(expected));
+            std::fs::write(&path, expected).unwrap();
+        }
     }
 
     #[test]

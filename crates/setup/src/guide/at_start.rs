@@ -12,6 +12,8 @@ use crate::record::FoundDrive;
 /// What a jog writes over in a drive of its own: max torque, mode, how it is synchronised.
 pub(super) const JOG_WRITES: [(u16, u8); 4] = [(MAX_TORQUE, 0), (0x6060, 0), (0x1C32, 1), (0x1C33, 1)];
 pub(super) const MAX_TORQUE: u16 = 0x6072;
+/// Has a drive store what it holds, for one the max torque of a jog.
+pub(super) const STORE: u16 = 0x1010;
 
 /// The SDOs for one SubDevice.
 #[derive(Debug, Default)]
@@ -32,7 +34,9 @@ impl AtStart {
             common.safe_op.retain(|sdo| other.safe_op.iter().any(|one| is_same(one, sdo)));
         }
         for list in [&mut common.pre_op, &mut common.safe_op] {
-            list.retain(|sdo| !JOG_WRITES.contains(&(sdo.object.index, sdo.object.subindex)));
+            list.retain(|SdoWrite { object, .. }| {
+                object.index != STORE && !JOG_WRITES.contains(&(object.index, object.subindex))
+            });
             list.iter_mut()
                 .for_each(|sdo| (sdo.refusal, sdo.read_back) = (Refusal::IsTolerated, ReadBack::Skip));
         }

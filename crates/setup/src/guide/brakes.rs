@@ -64,7 +64,12 @@ impl<C: Clock> Guide<'_, C> {
         if self.choose(format!("push {number}"), text, &["done".to_owned()]).is_err() {
             return Ok(false);
         }
-        let span = self.watch(number, PUSHED_S)?;
+        let Some(span) = self.watch(number, PUSHED_S)? else {
+            self.tell_found(format!(
+                "{wheel}: frames were lost while it was pushed, so nobody saw whether its brake holds: look at the cables"
+            ));
+            return Ok(false);
+        };
         let turns = span as f64 / self.record.drives[number].seen_counts.unwrap_or(1.0);
         let text = format!("{wheel}: pushed by hand with its brake closed it gave by {turns:.4} turns");
         self.hand.tell(&text);

@@ -324,6 +324,8 @@ impl<C: Clock> Guide<'_, C> {
     fn drive(&mut self, way: &Way) -> Result<Drive, SetupError> {
         let registry = Registry::with_built_in();
         let plan = robot_file::plan(&self.text()?, &registry)?;
+        // Whoever carried it to the floor may have switched it off, and plugged it otherwise: the file knows no serial numbers.
+        drop(self.scanned()?);
         let (link, clock) = (self.open)().map_err(SetupError::Open)?;
         let mut warnings = Vec::new();
         let mut session = Session::prepare(link, clock, &plan, &mut |words| warnings.push(words))

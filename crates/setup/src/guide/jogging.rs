@@ -78,18 +78,20 @@ impl<C: Clock> Guide<'_, C> {
         Ok(jog)
     }
 
-    /// Nothing is enabled for so long: between the least and the greatest position of one drive, counts.
-    pub(super) fn watch(&mut self, number: usize, seconds: f64) -> Result<i64, SetupError> {
+    /// Nothing is enabled for so long: between the least and the greatest position of one drive, counts; `None` where frames were lost.
+    pub(super) fn watch(&mut self, number: usize, seconds: f64) -> Result<Option<i64>, SetupError> {
         let mut operational = self.operational()?;
         let cycles = (seconds / self.wished.cycle.as_secs_f64()).ceil() as u32;
         let Operational { paced, image, maps } = &mut operational;
         let mut jogger =
             Jogger { paced, image, map: &maps[number], cycle_ns: self.wished.cycle.as_nanos() as u64 };
         let span = jogger.watch(cycles)?;
-        operational
-            .paced
-            .end(|paced| paced.exchange(&mut operational.image).map(drop))
-            .map_err(|error| in_words(&error))?;
+        let ended = operational.paced.end(|paced| paced.exchange(&mut operational.image).map(drop));
+        match ended {
+            // Who is lost goes nowhere, and that is told.
+            Err(_) if span.is_none() => {}
+            ended => ended.map_err(|error| in_words(&error))?,
+        }
         Ok(span)
     }
 
@@ -355,10 +357,17 @@ impl<C: Clock> Guide<'_, C> {
                     format!("hold the key and press the emergency stop: {wheel} must go free by itself");
                 let jog = self.jog(number, Motion::Stands(STOPPED_WITHIN_S), &what)?;
                 match &jog.end {
-                    JogEnd::Drive(words) if jog.enabled_cycles > 0 => {
-                        // A drive that stops by a fault of its own looks the same from here.
-                        let text =
-                            format!("{wheel} lost its torque ({words}): did you press the emergency stop?");
+                    words @ (JogEnd::Drive(_) | JogEnd::Lost) if jog.enabled_cycles > 0 => {
+                        // A drive that stops by a fault of its own looks the same from here, and a cable that is out as a supply that
+                        // the stop takes.
+                        let text = match words {
+                            JogEnd::Lost => format!(
+                                "{wheel}: its drive isn't heard any more: did you press the emergency stop, and is the wheel free?"
+                            ),
+                            words => format!(
+                                "{wheel} lost its torque ({words}): did you press the emergency stop?"
+                            ),
+                        };
                         let choices = ["yes", "no"].map(str::to_owned);
                         match self.choose(format!("stopped {number}"), text, &choices) {
                             Ok(choice) if choice == "yes" => {
@@ -393,7 +402,8 @@ impl<C: Clock> Guide<'_, C> {
                     Err(Leave) => return Ok(false),
                 }
             }
-            let text = "release the emergency stop, and reset what your safety circuit asks for".to_owned();
+            let text = "release the emergency stop, reset what your safety circuit asks for, and wait until the drives are up"
+                .to_owned();
             let released = self.choose(format!("release {number}"), text, &["done".to_owned()]);
             if released.is_err() {
                 return Ok(false);

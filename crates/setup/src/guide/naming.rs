@@ -10,7 +10,7 @@ type AnyBus<C> = Bus<Box<dyn Link>, C>;
 
 impl<C: Clock> Guide<'_, C> {
     /// The segment in INIT, everybody looked at.
-    fn scanned(&mut self) -> Result<AnyBus<C>, SetupError> {
+    pub(super) fn scanned(&mut self) -> Result<AnyBus<C>, SetupError> {
         let (link, clock) = (self.open)().map_err(SetupError::Open)?;
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan().map_err(|error| in_words(&error))?;
@@ -34,13 +34,17 @@ impl<C: Clock> Guide<'_, C> {
             if let Some(alias) = alias {
                 let Some(other) = others(&|one| one.claims_alias(alias)) else {
                     self.hand.tell(&format!("{wheel}: its drive has alias {alias}"));
-                    self.record.drives[number].alias = Some(alias);
+                    let named = &mut self.record.drives[number];
+                    (named.alias, named.is_by_position) = (Some(alias), false);
                     continue;
                 };
                 let text = format!("{wheel}: its drive has alias {alias}, as SubDevice {other} has");
                 self.hand.tell(&text);
                 self.record.found(text);
             }
+            // Until something else is chosen and shown; what was chosen in a set-up that was left is asked again.
+            let named = &mut self.record.drives[number];
+            (named.identification, named.is_by_position) = (None, true);
             // What a set-up that was left has written counts from the next power-on.
             let waiting = drive.written_alias.filter(|alias| has.is_some_and(|one| one.claims_alias(*alias)));
             let mut choices = vec!["alias".to_owned()];
@@ -104,7 +108,7 @@ impl<C: Clock> Guide<'_, C> {
                 self.hand.tell(&text);
                 self.record.found(text);
             } else if shown == Some(alias) {
-                (drive.alias, drive.written_alias) = (Some(alias), None);
+                (drive.alias, drive.written_alias, drive.is_by_position) = (Some(alias), None, false);
                 self.record.note(format!("{wheel}: its drive shows alias {alias}"));
             } else {
                 let shown = shown.map_or("none".to_owned(), |alias| alias.to_string());

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use omnibase_cia402::ErrorCode;
+use omnibase_cia402::{ErrorCode, Mode};
 use omnibase_ethercat::config::{DcConfig, Match, SubDeviceConfig, SyncMode};
 use omnibase_ethercat::cyclic::{
     AcyclicCompletion, AcyclicRequest, AcyclicWork, ClockDirection, Goal, Handover, TransitionOptions,
@@ -10,7 +10,7 @@ use omnibase_ethercat::cyclic::{
 use omnibase_ethercat::mailbox::MailboxRequest;
 use omnibase_ethercat::paced::{Leader, Pace, PacedBus};
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
-use omnibase_ethercat::subdevice::SubDevice;
+use omnibase_ethercat::subdevice::{Direction, SubDevice};
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, LinkError};
 use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
@@ -23,6 +23,9 @@ use crate::record::FoundDrive;
 /// Where a drive says by what it failed; and how long it is waited for that, cycles.
 const ERROR_CODE: ObjectAddress = ObjectAddress::new(0x603F, 0);
 const ASKING_CYCLES: u32 = 500;
+/// The mode, and that in which a jog turns a drive.
+const MODE: ObjectAddress = ObjectAddress::new(0x6060, 0);
+const JOGGED_IN: Mode = Mode::CyclicSynchronousVelocity;
 
 /// The segment in OP, every drive disabled.
 pub(super) struct Operational<C: Clock> {
@@ -78,6 +81,15 @@ impl<C: Clock> Guide<'_, C> {
             read_back: ReadBack::Compare,
             origin: Some("nothing else would hold the drive to a low torque while it is jogged".into()),
         };
+        let mode = SdoWrite {
+            object: MODE,
+            data: vec![JOGGED_IN.code() as u8],
+            access: SdoAccess::Entry,
+            // Who maps it is told in each cycle.
+            refusal: Refusal::IsTolerated,
+            read_back: ReadBack::Skip,
+            origin: None,
+        };
         let config = |found: &SubDevice| {
             let position = found.position;
             let place = Some(Match::Position(position));
@@ -93,7 +105,7 @@ impl<C: Clock> Guide<'_, C> {
             let AtStart { pre_op, safe_op } = AtStart::of_drive(&self.plan, drive);
             SubDeviceConfig {
                 place,
-                sdos: [vec![limit.clone()], pre_op].concat(),
+                sdos: [vec![limit.clone(), mode.clone()], pre_op].concat(),
                 safe_op_sdos: safe_op,
                 own_bytes: true,
                 dc: DcConfig::Sync0 { cycle_ns, shift_ns: 0 },
@@ -103,6 +115,7 @@ impl<C: Clock> Guide<'_, C> {
         };
         let configs: Vec<SubDeviceConfig> = bus.subdevices().iter().map(config).collect();
         bus.configure(&configs).map_err(|error| in_words(&error))?;
+        self.are_in_their_mode(&mut bus)?;
         let handover = bus.into_cyclic(ClockDirection::CycleFollowsDc).map_err(|error| in_words(&error))?;
         let Handover { bus, clock, subdevices } = handover;
         let map = |drive: &FoundDrive| DriveMap::of(&subdevices[usize::from(drive.position)], bus.plan());
@@ -125,6 +138,32 @@ impl<C: Clock> Guide<'_, C> {
             })
             .map_err(|error| in_words(&error))?;
         Ok(Operational { paced, image, maps })
+    }
+
+    /// A drive that isn't told its mode in each cycle is in that of a jog by now: in another one it would go where nobody told it,
+    /// to position 0 for one.
+    fn are_in_their_mode(&self, bus: &mut Bus<Box<dyn Link>, C>) -> Result<(), SetupError> {
+        let wanted = JOGGED_IN.code() as u8;
+        for drive in &self.record.drives {
+            let one = &bus.subdevices()[usize::from(drive.position)];
+            let is_mapped = one
+                .process_data(Direction::Outputs)
+                .flat_map(|manager| &manager.pdos)
+                .flat_map(|pdo| &pdo.entries)
+                .any(|entry| (entry.object, entry.bit_length) == (MODE, 8));
+            if is_mapped {
+                continue;
+            }
+            let found =
+                bus.sdo_read(drive.position, MODE, SdoAccess::Entry).map_err(|error| in_words(&error))?;
+            if found != [wanted] {
+                return Err(SetupError::Bus(format!(
+                    "SubDevice {}: its map has no {MODE}, and it doesn't take mode {wanted} (velocity) by SDO: write a map with it",
+                    drive.position
+                )));
+            }
+        }
+        Ok(())
     }
 
     /// Each drive is where it was found: another one in its place would be turned for it.

@@ -10,8 +10,9 @@ use omnibase_ethercat::{Bus, BusOptions};
 
 use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 
-use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE};
-use super::{Guide, SetupError, has_its_numbers, in_words, is_it, is_product, seen, who};
+use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE, STORE};
+use super::before::{recall, see_again};
+use super::{Guide, SetupError, in_words, is_it, is_product, seen, who};
 use crate::record::{FoundDevice, FoundDrive, Record, Step};
 
 /// The profile of drives in 0x1000.
@@ -28,11 +29,11 @@ const TOLD_COUNTS: RangeInclusive<f64> = 1.0..=268_435_456.0;
 /// Turns of a motor per turn of its shaft that are believed.
 const TOLD_GEAR: RangeInclusive<f64> = 0.001..=1000.0;
 
-type AnyBus<C> = Bus<Box<dyn Link>, C>;
+pub(super) type AnyBus<C> = Bus<Box<dyn Link>, C>;
 
 impl<C: Clock> Guide<'_, C> {
     /// The segment in PRE-OP, each SubDevice as it describes itself.
-    fn bus(&mut self) -> Result<AnyBus<C>, SetupError> {
+    pub(super) fn bus(&mut self) -> Result<AnyBus<C>, SetupError> {
         let (link, clock) = (self.open)().map_err(SetupError::Open)?;
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan().map_err(|error| in_words(&error))?;
@@ -127,13 +128,19 @@ impl<C: Clock> Guide<'_, C> {
             }
         }
         if drives.len() < wheels {
-            return Err(SetupError::TooFewDrives { wheels, drives: drives.len() });
+            let error = SetupError::TooFewDrives { wheels, drives: drives.len() };
+            // What a jog left in those that are there is put back all the same.
+            if !self.record.jogged.is_empty() {
+                (self.record.drives, self.are_placed) = (drives, true);
+            }
+            return Err(error);
         }
         let text =
             format!("{} drives, and {} SubDevices that are none", drives.len(), self.record.others.len());
         self.hand.tell(&text);
         self.record.note(text);
         self.record.drives = drives;
+        self.are_placed = true;
         Ok(())
     }
 
@@ -141,11 +148,19 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn compare(&mut self) -> Result<(), SetupError> {
         let mut bus = self.bus()?;
         self.are_those_found(&bus)?;
-        let now = self.drives_on(&mut bus);
+        let mut now = self.drives_on(&mut bus);
         for was in &self.record.drives {
             if !now.iter().any(|one| one.position == was.position) {
                 let found = "no drive".to_owned();
                 return Err(SetupError::Changed { position: was.position, expected: who(was), found });
+            }
+        }
+        let Record { drives, jogged, .. } = &mut self.record;
+        // Nothing of a jog is in any of them: what was read just now is put back.
+        self.are_placed = jogged.is_empty();
+        for was in drives {
+            if let Some(now) = now.iter_mut().find(|one| one.position == was.position) {
+                see_again(jogged, was, now);
             }
         }
         let mut shown = Vec::new();
@@ -158,7 +173,7 @@ impl<C: Clock> Guide<'_, C> {
             let is_shown =
                 now.iter().any(|one| one.position == was.position && one.alias == was.written_alias);
             if is_shown && with_it.map(|one| one.position).eq([was.position]) {
-                was.alias = was.written_alias.take();
+                (was.alias, was.is_by_position) = (was.written_alias.take(), false);
                 shown.push(format!(
                     "SubDevice {} shows alias {} by now: it is found by it",
                     was.position,
@@ -177,7 +192,7 @@ impl<C: Clock> Guide<'_, C> {
     /// jogged is jogged again where he doesn't know. `false` where he leaves.
     pub(super) fn are_in_their_places(&mut self) -> Result<bool, SetupError> {
         let drives = &self.record.drives;
-        let jogged = |one: &&FoundDrive| one.wheel.is_some();
+        let jogged = |one: &&FoundDrive| one.wheel.is_some() || self.is_doubtful(one);
         let alike: Vec<String> = drives
             .iter()
             .filter(jogged)
@@ -199,69 +214,8 @@ impl<C: Clock> Guide<'_, C> {
             self.find()?;
             self.finish(Step::Find);
         }
+        self.are_placed = true;
         Ok(true)
-    }
-
-    /// What jogs wrote over is as it was found.
-    fn put_back(&mut self, bus: &mut AnyBus<C>) {
-        let mut failed = Vec::new();
-        for drive in &self.record.drives {
-            let now = bus.subdevices().get(usize::from(drive.position)).map(seen);
-            if !now.is_some_and(|now| is_it(drive, &now)) {
-                failed.push(format!(
-                    "SubDevice {} isn't the drive that was jogged: max torque, mode and synchronisation of that one are as the jog left them",
-                    drive.position
-                ));
-                continue;
-            }
-            for (index, subindex, was) in &drive.was {
-                let object = ObjectAddress::new(*index, *subindex);
-                let is_so =
-                    bus.sdo_read(drive.position, object, SdoAccess::Entry).is_ok_and(|bytes| bytes == *was);
-                if is_so {
-                    continue;
-                }
-                if let Err(error) = bus.sdo_write(drive.position, object, was) {
-                    failed.push(format!("{object} was {}, and can't be put back: {error}", number(was)));
-                }
-            }
-        }
-        for drive in &self.record.drives {
-            let has = |object| drive.was.iter().any(|(index, subindex, _)| (*index, *subindex) == object);
-            let its = self.record.jogged.iter().filter(|one| has_its_numbers(one, drive));
-            if its.flat_map(|one| &one.was).any(|(index, subindex, _)| !has((*index, *subindex))) {
-                failed.push(format!(
-                    "SubDevice {}: not all that it held before it was jogged is known, so that is as the jog left it",
-                    drive.position
-                ));
-            }
-        }
-        for one in &self.record.jogged {
-            if !self.record.drives.iter().any(|drive| has_its_numbers(one, drive)) {
-                failed.push(format!(
-                    "{} was jogged and isn't among the drives that were found: its max torque, mode and synchronisation are as the jog left them",
-                    who(one)
-                ));
-            }
-        }
-        if failed.is_empty() {
-            self.record.jogged.clear();
-        }
-        failed.into_iter().for_each(|text| self.tell_found(text));
-    }
-
-    /// The same at the end, where a jog was made since the bus was seen last; whoever isn't there now is told what is left.
-    pub(super) fn leave_as_found(&mut self) {
-        match self.bus() {
-            Ok(mut bus) => self.put_back(&mut bus),
-            Err(error) => {
-                let text = format!(
-                    "max torque, mode and synchronisation of the drives are as the last jog left them: {error}"
-                );
-                self.tell_found(text);
-            }
-        }
-        self.kept();
     }
 
     /// Says what somebody has to look at, and keeps it.
@@ -343,7 +297,11 @@ impl<C: Clock> Guide<'_, C> {
                 }
             }
             if choice == "store" {
-                match bus.sdo_write(drive.position, ObjectAddress::new(0x1010, 1), &SAVE.to_le_bytes()) {
+                if let Some(why) = self.left_by_jog(&mut bus, drive.position) {
+                    self.tell_found(format!("{wheel}: not stored: {why}"));
+                    continue;
+                }
+                match bus.sdo_write(drive.position, ObjectAddress::new(STORE, 1), &SAVE.to_le_bytes()) {
                     Ok(()) => self.record.note(format!("{wheel}: stored (0x1010)")),
                     Err(error) => self.tell_found(format!(
                         "{wheel}: it doesn't store: {error}; the file writes them at each start"
@@ -353,53 +311,12 @@ impl<C: Clock> Guide<'_, C> {
         }
         Ok(true)
     }
-
-    /// What somebody had written into a drive is what is put back from then on.
-    pub(super) fn keep_wished(&mut self, drive: &FoundDrive, object: ObjectAddress, bytes: &[u8]) {
-        let Record { drives, jogged, .. } = &mut self.record;
-        let its = |one: &&mut FoundDrive| one.position == drive.position && has_its_numbers(one, drive);
-        for was in drives.iter_mut().chain(jogged).filter(its).flat_map(|one| &mut one.was) {
-            if (was.0, was.1) == (object.index, object.subindex) {
-                was.2 = bytes.to_vec();
-            }
-        }
-    }
-}
-
-/// Takes what a drive held before its first jog for what it was found with; in words what nobody knows, for drives that look alike
-/// may have been swapped.
-pub(super) fn recall(jogged: &[FoundDrive], drive: &mut FoundDrive) -> Vec<String> {
-    let alike: Vec<&FoundDrive> = jogged.iter().filter(|one| has_its_numbers(one, drive)).collect();
-    // Its alias may have been written since.
-    let has_alias = alike.iter().any(|one| one.alias == drive.alias);
-    let its = alike.into_iter().filter(|one| !has_alias || one.alias == drive.alias);
-    let before: BTreeSet<&(u16, u8, Vec<u8>)> = its.flat_map(|one| &one.was).collect();
-    let objects: BTreeSet<(u16, u8)> =
-        before.iter().map(|(index, subindex, _)| (*index, *subindex)).collect();
-    let mut unknown = Vec::new();
-    for object in objects {
-        let values: Vec<_> =
-            before.iter().filter(|(index, subindex, _)| (*index, *subindex) == object).collect();
-        if drive.was.iter().any(|now| values.iter().any(|value| **value == now)) {
-            continue;
-        }
-        drive.was.retain(|(index, subindex, _)| (*index, *subindex) != object);
-        match values[..] {
-            [value] => drive.was.push((*value).clone()),
-            _ => unknown.push(format!(
-                "SubDevice {}: {} was {} before it was jogged, by which of the drives that look alike it is: set it by the maker's tool",
-                drive.position,
-                ObjectAddress::new(object.0, object.1),
-                values.iter().map(|(.., bytes)| number(bytes)).collect::<Vec<_>>().join(" or "),
-            )),
-        }
-    }
-    unknown
 }
 
 /// Whether a drive can be asked for it now, and may keep it.
 fn can_be_stored(parameter: &ParameterPlan) -> bool {
-    parameter.state == ParameterState::PreOp
+    parameter.index != STORE
+        && parameter.state == ParameterState::PreOp
         && parameter.access == SdoAccess::Entry
         && parameter.read_back == ReadBack::Compare
 }
@@ -427,7 +344,7 @@ fn read_number<C: Clock>(bus: &mut AnyBus<C>, position: u16, object: ObjectAddre
 }
 
 /// Little-endian bytes as people read numbers.
-fn number(bytes: &[u8]) -> String {
+pub(super) fn number(bytes: &[u8]) -> String {
     match bytes.len() {
         1..=8 => bytes.iter().rev().fold(0u64, |number, byte| number << 8 | u64::from(*byte)).to_string(),
         _ => format!("{bytes:02x?}"),

@@ -3,11 +3,15 @@
 use std::cell::RefCell;
 use std::rc::Rc;
 
+use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{HostTime, LinkError};
+use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_ethercat_sim::VirtualClock;
 
 use super::*;
+
+mod left;
 
 const BASE: &str = include_str!("../../../../robots/bmm.toml");
 
@@ -43,6 +47,23 @@ struct Nobody;
 impl Hand for Nobody {
     fn ask(&mut self, _: &Question) -> Answer {
         Answer::Leave
+    }
+
+    fn tell(&mut self, _: &str) {}
+
+    fn take_key(&mut self, _: &str) {}
+
+    fn key(&mut self) -> crate::Key {
+        crate::Key::Gone
+    }
+}
+
+/// Answers so whatever is asked, and holds no key.
+struct Says(&'static str);
+
+impl Hand for Says {
+    fn ask(&mut self, _: &Question) -> Answer {
+        Answer::Said(self.0.to_owned())
     }
 
     fn tell(&mut self, _: &str) {}
@@ -223,124 +244,114 @@ impl Link for Powered {
     }
 }
 
-/// The program was killed in a jog and all drives are found again: what a jog left in them isn't taken for what was there before.
+/// The segment in PRE-OP, of whoever has the maker's tool.
+fn by_tool(link: &Powered, clock: &VirtualClock) -> Bus<Powered, VirtualClock> {
+    let mut bus = Bus::new(link.clone(), clock.clone(), BusOptions::default());
+    bus.scan().unwrap();
+    bus.configure(&[]).unwrap();
+    bus
+}
+
+/// Max torque of each of three drives, as it is now.
+fn max_torques(link: &Powered, clock: &VirtualClock) -> Vec<u16> {
+    let mut bus = by_tool(link, clock);
+    let object = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+    let read = |position| bus.sdo_read(position, object, SdoAccess::Entry).unwrap();
+    (0..3).map(read).map(|bytes| u16::from_le_bytes([bytes[0], bytes[1]])).collect()
+}
+
+/// A drive whose map has no mode isn't turned in the one that it happens to have: by position it would go to 0.
 #[test]
-fn what_was_there_before_the_first_jog_is_remembered_where_drives_are_found_again() {
+fn a_drive_that_maps_no_mode_is_told_it_before() {
     let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
     let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
     let link = Powered(Rc::new(RefCell::new(link)));
+    let mode = ObjectAddress::new(0x6060, 0);
+    let mut bus = by_tool(&link, &clock);
+    let entries: [(u16, u8, &[u8]); 8] = [
+        (0x1C12, 0, &[0]),
+        (0x1600, 0, &[0]),
+        (0x1600, 1, &0x6040_0010_u32.to_le_bytes()),
+        (0x1600, 2, &0x607A_0020_u32.to_le_bytes()),
+        (0x1600, 3, &0x60FF_0020_u32.to_le_bytes()),
+        (0x1600, 0, &[3]),
+        (0x1C12, 1, &0x1600_u16.to_le_bytes()),
+        (0x1C12, 0, &[1]),
+    ];
+    for (index, subindex, bytes) in entries {
+        bus.sdo_write(1, ObjectAddress::new(index, subindex), bytes).unwrap();
+    }
+    // Cyclic synchronous position.
+    bus.sdo_write(1, mode, &[8]).unwrap();
+    drop(bus);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
-    let max_torque = |record: &Record| {
-        let of =
-            |drive: &FoundDrive| drive.was.iter().find(|(index, ..)| *index == at_start::MAX_TORQUE).cloned();
-        record.drives.iter().map(|drive| of(drive).map(|(.., bytes)| bytes)).collect::<Vec<_>>()
-    };
-    let as_found = vec![Some(3000_u16.to_le_bytes().to_vec()); 3];
-    let mut kept = String::new();
     with_found(BASE, &mut open, &mut Nobody, |guide| {
-        guide.operational().unwrap();
-        assert_eq!(max_torque(&guide.record), as_found);
-        kept = guide.record.to_json();
+        let operational = guide.operational().unwrap();
+        assert!(operational.maps[1].mode.is_none() && operational.maps[0].mode.is_some());
     });
+    assert_eq!(by_tool(&link, &clock).sdo_read(1, mode, SdoAccess::Entry).unwrap(), [9]);
+}
+
+/// A segment that takes no frames from one number to another.
+#[derive(Clone)]
+struct Interrupted {
+    link: Powered,
+    sent: Rc<std::cell::Cell<u32>>,
+    lost: Rc<std::cell::Cell<[u32; 2]>>,
+}
+
+impl Link for Interrupted {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        let (number, [from, to]) = (self.sent.get(), self.lost.get());
+        self.sent.set(number + 1);
+        if (from..to).contains(&number) { Ok(()) } else { self.link.send(frame) }
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        self.link.receive(buffer, deadline)
+    }
+}
+
+/// A wheel that is pushed while nobody hears of it hasn't held.
+#[test]
+fn a_wheel_that_is_not_seen_for_a_while_has_not_held() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let link = Interrupted { link, sent: Rc::default(), lost: Rc::default() };
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     with_found(BASE, &mut open, &mut Nobody, |guide| {
-        assert_eq!(max_torque(&guide.record), vec![None; 3], "without the record nobody knows it any more");
-    });
-    with_record(BASE, Record::from_json(&kept).unwrap(), &mut open, &mut Nobody, |guide| {
-        guide.record.done.clear();
-        guide.find().unwrap();
-        assert_eq!(max_torque(&guide.record), as_found);
-        // Another drive in the place of one that was jogged isn't touched, and the set-up knows that one is left.
-        let serial = std::mem::replace(&mut guide.record.drives[2].serial, 99);
-        guide.leave_as_found();
-        let words = guide.record.findings.join("\n");
-        assert!(words.contains("SubDevice 2 isn't the drive that was jogged"), "{words}");
-        assert_eq!(guide.record.jogged.len(), 3);
-        guide.record.drives[2].serial = serial;
-        guide.leave_as_found();
-        assert_eq!(guide.record.jogged, []);
-        guide.find().unwrap();
-        assert_eq!(max_torque(&guide.record), as_found, "as the drives have it now");
+        assert!(guide.watch(0, 1.0).unwrap().is_some());
+        // In the middle of a second like that.
+        let begun = link.sent.get();
+        guide.watch(0, 0.001).unwrap();
+        let first = link.sent.get() + (link.sent.get() - begun) + 300;
+        link.lost.set([first, first + 50]);
+        assert_eq!(guide.watch(0, 1.0).unwrap(), None);
+        assert!(link.sent.get() > first);
+        // Back in time, and for good.
+        link.lost.set([0, 0]);
+        assert!(guide.watch(0, 1.0).unwrap().is_some());
     });
 }
 
-/// A drive that took a jogged one's place before all were found again is remembered, too; the one that is gone isn't forgotten.
+/// Drives that were plugged in otherwise since they were jogged drive nobody over the floor: their file tells them by their place.
 #[test]
-fn a_drive_in_the_place_of_a_jogged_one_is_remembered_and_that_one_is_told() {
+fn another_drive_than_was_jogged_does_not_drive_on_the_floor() {
     let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
     let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
         let (segment, _) = omnibase_run::simulated::segment(&plan).map_err(|error| error.to_string())?;
         let (link, clock) = omnibase_ethercat_sim::in_process(segment);
         Ok((Box::new(link), clock))
     };
-    let gone = FoundDrive { serial: 12_345, position: 2, ..FoundDrive::default() };
-    let record = Record { jogged: vec![gone.clone()], ..Record::default() };
-    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
-        guide.find().unwrap();
-        guide.operational().unwrap();
-        assert_eq!(guide.record.jogged.len(), 4);
-        guide.operational().unwrap();
-        assert_eq!(guide.record.jogged.len(), 4, "once each");
-        guide.leave_as_found();
-        let words = guide.record.findings.join("\n");
-        assert!(words.contains("serial 12345 was jogged and isn't among the drives"), "{words}");
-        assert!(guide.record.jogged.contains(&gone));
-        // What nobody knows isn't put back, so it stays remembered.
-        guide.record.jogged.retain(|one| *one != gone);
-        let was = guide.record.drives[0].was.clone();
-        guide.record.drives[0].was.retain(|(index, ..)| *index != at_start::MAX_TORQUE);
-        guide.leave_as_found();
-        assert!(guide.record.findings.join("\n").contains("SubDevice 0: not all that it held before"));
-        assert_eq!(guide.record.jogged.len(), 3);
-        guide.record.drives[0].was = was;
-        guide.leave_as_found();
-        assert_eq!(guide.record.jogged, []);
-        // What somebody had written is what is put back.
-        let drive = guide.record.drives[1].clone();
-        let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
-        guide.keep_wished(&drive, torque, &[0xD0, 0x07]);
-        let of = |drive: &FoundDrive| {
-            drive.was.iter().find(|(index, ..)| *index == at_start::MAX_TORQUE).unwrap().2.clone()
-        };
-        let torques: Vec<Vec<u8>> = guide.record.drives.iter().map(of).collect();
-        assert_eq!(torques, [vec![0xB8, 0x0B], vec![0xD0, 0x07], vec![0xB8, 0x0B]]);
+    with_found(BASE, &mut open, &mut Says("drive"), |guide| {
+        for drive in &mut guide.record.drives {
+            drive.wheel = Some(format!("wheel_{}", drive.position + 1));
+        }
+        guide.record.drives[1].serial = 99;
+        let ended = guide.first_metre();
+        assert!(matches!(ended, Err(SetupError::Changed { position: 1, .. })), "{ended:?}");
     });
-}
-
-/// Its alias is written after its first jog: it is the same drive all the same.
-#[test]
-fn what_a_drive_was_before_is_remembered_where_it_got_an_alias_since() {
-    let drive = |alias, torque: u16| FoundDrive {
-        alias,
-        was: vec![(at_start::MAX_TORQUE, 0, torque.to_le_bytes().to_vec())],
-        ..FoundDrive::default()
-    };
-    let mut named = drive(Some(77), 100);
-    assert!(reading::recall(&[drive(None, 3000)], &mut named).is_empty());
-    assert_eq!(named, drive(Some(77), 3000));
-    // Where one of them has it, the others aren't meant.
-    let mut named = drive(Some(77), 100);
-    assert!(reading::recall(&[drive(None, 2500), drive(Some(77), 3000)], &mut named).is_empty());
-    assert_eq!(named, drive(Some(77), 3000));
-}
-
-/// Of drives that look alike and were different before nobody knows whose is whose: it is told, and nothing is written.
-#[test]
-fn what_drives_that_look_alike_were_before_is_not_guessed() {
-    let drive = |torques: [u8; 2]| FoundDrive {
-        was: vec![(at_start::MAX_TORQUE, 0, torques.to_vec()), (0x6060, 0, vec![3])],
-        ..FoundDrive::default()
-    };
-    let jogged = [drive([0xB8, 0x0B]), drive([0xC4, 0x09])];
-    let mut of_jog = FoundDrive {
-        was: vec![(at_start::MAX_TORQUE, 0, vec![100, 0]), (0x6060, 0, vec![9])],
-        ..FoundDrive::default()
-    };
-    let words = reading::recall(&jogged, &mut of_jog);
-    assert_eq!(words.len(), 1);
-    assert!(words[0].contains("was 3000 or 2500 before it was jogged"), "{words:?}");
-    assert_eq!(of_jog.was, [(0x6060, 0, vec![3])]);
-    let mut as_found = drive([0xC4, 0x09]);
-    assert!(reading::recall(&jogged, &mut as_found).is_empty());
-    assert_eq!(as_found, drive([0xC4, 0x09]));
 }

@@ -1,0 +1,182 @@
+//! What drives held before they were jogged: remembered, and put back.
+
+use std::collections::BTreeSet;
+
+use omnibase_ethercat::start_up::SdoAccess;
+use omnibase_ethercat::wire::Clock;
+use omnibase_ethercat::wire::coe::ObjectAddress;
+
+use super::at_start::{JOG_WRITES, MAX_TORQUE};
+use super::reading::{AnyBus, number};
+use super::{Guide, SetupError, has_its_numbers, is_it, seen, who};
+use crate::record::{FoundDrive, Record};
+
+impl<C: Clock> Guide<'_, C> {
+    /// Whether this may be another drive by now, of which something else is known, and nobody said that it isn't.
+    pub(super) fn is_doubtful(&self, drive: &FoundDrive) -> bool {
+        let known = |one: &FoundDrive| one.was.iter().cloned().collect::<BTreeSet<_>>();
+        let mut alike =
+            self.record.drives.iter().filter(|other| other.position != drive.position && is_it(drive, other));
+        !self.are_placed && alike.any(|other| known(other) != known(drive))
+    }
+
+    /// What jogs wrote over is as it was found.
+    pub(super) fn put_back(&mut self, bus: &mut AnyBus<C>) {
+        let mut failed = Vec::new();
+        for drive in &self.record.drives {
+            let now = bus.subdevices().get(usize::from(drive.position)).map(seen);
+            if !now.is_some_and(|now| is_it(drive, &now)) {
+                failed.push(format!(
+                    "SubDevice {} isn't the drive that was jogged: max torque, mode and synchronisation of that one are as the jog left them",
+                    drive.position
+                ));
+                continue;
+            }
+            if self.is_doubtful(drive) {
+                failed.push(format!(
+                    "SubDevice {}: nobody said that it is where it was when it was jogged, and one that looks alike held something else: max \
+                     torque, mode and synchronisation are as the jog left them",
+                    drive.position
+                ));
+                continue;
+            }
+            for (index, subindex, was) in &drive.was {
+                let object = ObjectAddress::new(*index, *subindex);
+                let is_so =
+                    bus.sdo_read(drive.position, object, SdoAccess::Entry).is_ok_and(|bytes| bytes == *was);
+                if is_so {
+                    continue;
+                }
+                if let Err(error) = bus.sdo_write(drive.position, object, was) {
+                    failed.push(format!("{object} was {}, and can't be put back: {error}", number(was)));
+                }
+            }
+        }
+        for drive in &self.record.drives {
+            let has = |object| drive.was.iter().any(|(index, subindex, _)| (*index, *subindex) == object);
+            let its = self.record.jogged.iter().filter(|one| has_its_numbers(one, drive));
+            if its.flat_map(|one| &one.was).any(|(index, subindex, _)| !has((*index, *subindex))) {
+                failed.push(format!(
+                    "SubDevice {}: not all that it held before it was jogged is known, so that is as the jog left it",
+                    drive.position
+                ));
+            }
+        }
+        let mut told = BTreeSet::new();
+        for one in &self.record.jogged {
+            // As many as were jogged, where they look alike.
+            let places = |all: &[FoundDrive]| {
+                let alike = all.iter().filter(|other| has_its_numbers(one, other));
+                alike.map(|other| other.position).collect::<BTreeSet<u16>>().len()
+            };
+            let is_there = places(&self.record.drives) >= places(&self.record.jogged);
+            if !is_there && told.insert((one.vendor_id, one.product_code, one.serial)) {
+                failed.push(format!(
+                    "{} was jogged and isn't among the drives that were found: its max torque, mode and synchronisation are as the jog left them",
+                    who(one)
+                ));
+            }
+        }
+        if failed.is_empty() {
+            self.record.jogged.clear();
+        }
+        failed.into_iter().for_each(|text| self.tell_found(text));
+    }
+
+    /// The same at the end, where a jog was made since the bus was seen last; whoever isn't there now is told what is left.
+    pub(super) fn leave_as_found(&mut self) {
+        match self.bus() {
+            Ok(mut bus) => self.put_back(&mut bus),
+            Err(error) => self.tell_left(&error),
+        }
+        self.kept();
+    }
+
+    /// Says why nothing is put back.
+    pub(super) fn tell_left(&mut self, error: &SetupError) {
+        self.tell_found(format!(
+            "max torque, mode and synchronisation of the drives are as the last jog left them: {error}"
+        ));
+    }
+
+    /// Why what a drive holds now isn't stored in it: its max torque may be what a jog left there.
+    pub(super) fn left_by_jog(&self, bus: &mut AnyBus<C>, position: u16) -> Option<String> {
+        let object = ObjectAddress::new(MAX_TORQUE, 0);
+        let drive = self.record.drives.iter().find(|one| one.position == position)?;
+        let was = drive.was.iter().find(|(index, ..)| *index == MAX_TORQUE).map(|(.., bytes)| number(bytes));
+        let now = bus.sdo_read(position, object, SdoAccess::Entry).map(|bytes| number(&bytes));
+        let of_jog = ["0".to_owned(), self.wished.torque_per_mille.to_string()];
+        let hint = "set it by the maker's tool, then store";
+        match (now, was) {
+            (Ok(now), Some(was)) if now == was => None,
+            (Ok(now), Some(was)) => {
+                Some(format!("{object} is {now} and was {was} before it was jogged: {hint}"))
+            }
+            (Ok(now), None) if !of_jog.contains(&now) => None,
+            (Ok(now), None) => Some(format!("{object} is {now}, which a jog may have left there: {hint}")),
+            (Err(error), Some(_)) => Some(format!("{object} can't be read: {error}")),
+            (Err(_), None) => None,
+        }
+    }
+
+    /// What somebody had written into a drive is what is put back from then on.
+    pub(super) fn keep_wished(&mut self, drive: &FoundDrive, object: ObjectAddress, bytes: &[u8]) {
+        let Record { drives, jogged, .. } = &mut self.record;
+        let its = |one: &&mut FoundDrive| one.position == drive.position && has_its_numbers(one, drive);
+        for was in drives.iter_mut().chain(jogged).filter(its).flat_map(|one| &mut one.was) {
+            if (was.0, was.1) == (object.index, object.subindex) {
+                was.2 = bytes.to_vec();
+            }
+        }
+    }
+}
+
+/// What a drive holds now is what the next jog writes over: somebody may have set it meanwhile, or the file has more parameters. Of one
+/// in which an earlier jog left something, what is known stays.
+pub(super) fn see_again(jogged: &[FoundDrive], was: &mut FoundDrive, now: &mut FoundDrive) {
+    let its: Vec<&FoundDrive> = jogged.iter().filter(|one| has_its_numbers(one, was)).collect();
+    // What nobody knows was told when it was found.
+    drop(recall(jogged, now));
+    for (index, subindex, bytes) in std::mem::take(&mut now.was) {
+        let is_this = |one: &(u16, u8, Vec<u8>)| (one.0, one.1) == (index, subindex);
+        // Nobody vouches that a jog didn't write it.
+        let is_of_jog =
+            JOG_WRITES.contains(&(index, subindex)) && !its.iter().any(|one| one.was.iter().any(is_this));
+        match was.was.iter().position(is_this) {
+            Some(place) if its.is_empty() => was.was[place].2 = bytes,
+            None if its.is_empty() || !is_of_jog => was.was.push((index, subindex, bytes)),
+            _ => {}
+        }
+    }
+}
+
+/// Takes what a drive held before its first jog for what it was found with; in words what nobody knows, for drives that look alike
+/// may have been swapped.
+pub(super) fn recall(jogged: &[FoundDrive], drive: &mut FoundDrive) -> Vec<String> {
+    let alike: Vec<&FoundDrive> = jogged.iter().filter(|one| has_its_numbers(one, drive)).collect();
+    // Its alias may have been written since.
+    let has_alias = alike.iter().any(|one| one.alias == drive.alias);
+    let its = alike.into_iter().filter(|one| !has_alias || one.alias == drive.alias);
+    let before: BTreeSet<&(u16, u8, Vec<u8>)> = its.flat_map(|one| &one.was).collect();
+    let objects: BTreeSet<(u16, u8)> =
+        before.iter().map(|(index, subindex, _)| (*index, *subindex)).collect();
+    let mut unknown = Vec::new();
+    for object in objects {
+        let values: Vec<_> =
+            before.iter().filter(|(index, subindex, _)| (*index, *subindex) == object).collect();
+        if drive.was.iter().any(|now| values.iter().any(|value| **value == now)) {
+            continue;
+        }
+        drive.was.retain(|(index, subindex, _)| (*index, *subindex) != object);
+        match values[..] {
+            [value] => drive.was.push((*value).clone()),
+            _ => unknown.push(format!(
+                "SubDevice {}: {} was {} before it was jogged, by which of the drives that look alike it is: set it by the maker's tool",
+                drive.position,
+                ObjectAddress::new(object.0, object.1),
+                values.iter().map(|(.., bytes)| number(bytes)).collect::<Vec<_>>().join(" or "),
+            )),
+        }
+    }
+    unknown
+}

@@ -1,0 +1,301 @@
+//! What jogs left in drives, and what of it is put back.
+
+use super::*;
+
+/// The program was killed in a jog and all drives are found again: what a jog left in them isn't taken for what was there before.
+#[test]
+fn what_was_there_before_the_first_jog_is_remembered_where_drives_are_found_again() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let max_torque = |record: &Record| {
+        let of =
+            |drive: &FoundDrive| drive.was.iter().find(|(index, ..)| *index == at_start::MAX_TORQUE).cloned();
+        record.drives.iter().map(|drive| of(drive).map(|(.., bytes)| bytes)).collect::<Vec<_>>()
+    };
+    let as_found = vec![Some(3000_u16.to_le_bytes().to_vec()); 3];
+    let mut kept = String::new();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        assert_eq!(max_torque(&guide.record), as_found);
+        kept = guide.record.to_json();
+    });
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        assert_eq!(max_torque(&guide.record), vec![None; 3], "without the record nobody knows it any more");
+    });
+    with_record(BASE, Record::from_json(&kept).unwrap(), &mut open, &mut Nobody, |guide| {
+        guide.record.done.clear();
+        guide.find().unwrap();
+        assert_eq!(max_torque(&guide.record), as_found);
+        // Another drive in the place of one that was jogged isn't touched, and the set-up knows that one is left.
+        let serial = std::mem::replace(&mut guide.record.drives[2].serial, 99);
+        guide.leave_as_found();
+        let words = guide.record.findings.join("\n");
+        assert!(words.contains("SubDevice 2 isn't the drive that was jogged"), "{words}");
+        assert_eq!(guide.record.jogged.len(), 3);
+        guide.record.drives[2].serial = serial;
+        guide.leave_as_found();
+        assert_eq!(guide.record.jogged, []);
+        guide.find().unwrap();
+        assert_eq!(max_torque(&guide.record), as_found, "as the drives have it now");
+    });
+}
+
+/// Left in order, then one was set by the maker's tool, and the file got a parameter more: both are as somebody had them in the end.
+#[test]
+fn what_was_set_while_the_set_up_was_left_is_what_is_put_back() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let mut record = Record::default();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        guide.leave_as_found();
+        assert_eq!(guide.record.jogged, []);
+        record = guide.record.clone();
+    });
+    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+    by_tool(&link, &clock).sdo_write(1, torque, &2000_u16.to_le_bytes()).unwrap();
+    let more = "parameters = [{ object = \"6065\", type = \"u32\", value = 77 }, ";
+    let base = BASE.replacen("parameters = [", more, 1);
+    let window = ObjectAddress::new(0x6065, 0);
+    let before = by_tool(&link, &clock).sdo_read(1, window, SdoAccess::Entry).unwrap();
+    with_record(&base, record, &mut open, &mut Nobody, |guide| {
+        guide.compare().unwrap();
+        guide.operational().unwrap();
+        guide.leave_as_found();
+        assert_eq!(guide.record.jogged, []);
+    });
+    assert_eq!(max_torques(&link, &clock), [3000, 2000, 3000]);
+    assert_eq!(by_tool(&link, &clock).sdo_read(1, window, SdoAccess::Entry).unwrap(), before);
+}
+
+/// What an earlier jog left in a drive isn't taken for its own where it is looked at again.
+#[test]
+fn what_a_jog_left_is_not_seen_again() {
+    let drive = |was: &[(u16, u16)]| FoundDrive {
+        was: was.iter().map(|(index, value)| (*index, 0, value.to_le_bytes().to_vec())).collect(),
+        ..FoundDrive::default()
+    };
+    let mut now = drive(&[(at_start::MAX_TORQUE, 100), (0x6065, 7), (0x6085, 9)]);
+    let mut was = drive(&[(0x6085, 8)]);
+    before::see_again(&[drive(&[(0x6085, 8)])], &mut was, &mut now);
+    assert_eq!(was, drive(&[(0x6085, 8), (0x6065, 7)]), "0x6072 was none that anybody knows");
+    let mut now = drive(&[(at_start::MAX_TORQUE, 100)]);
+    let mut was = drive(&[(at_start::MAX_TORQUE, 3000)]);
+    let known = [was.clone()];
+    before::see_again(&known, &mut was, &mut now);
+    assert_eq!(was, drive(&[(at_start::MAX_TORQUE, 3000)]));
+}
+
+/// Nobody knows what a drive's max torque was before it was jogged: what the jog left there isn't stored for ever.
+#[test]
+fn what_a_jog_left_in_a_drive_is_not_stored() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    // As whoever mapped it left it at its end.
+    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+    by_tool(&link, &clock).sdo_write(0, torque, &[0, 0]).unwrap();
+    with_found(BASE, &mut open, &mut Says("store"), |guide| {
+        for drive in &mut guide.record.drives {
+            drive.wheel = Some(format!("wheel_{}", drive.position + 1));
+        }
+        guide.operational().unwrap();
+        assert!(guide.parameters().unwrap());
+        let Record { findings, log, .. } = &guide.record;
+        let stored: Vec<&String> = log.iter().filter(|line| line.contains(": stored (0x1010)")).collect();
+        assert_eq!(stored, ["wheel_2: stored (0x1010)", "wheel_3: stored (0x1010)"], "{findings:?}");
+        assert!(findings.join("\n").contains("wheel_1: not stored: 6072:00 is "), "{findings:?}");
+    });
+}
+
+/// A file that has drives store what they hold at each start has them store nothing while a jog's torque may be there.
+#[test]
+fn what_the_file_has_drives_store_is_not_asked_for_by_a_jog() {
+    let more = "parameters = [{ object = \"1010.1\", type = \"u32\", value = 1_702_257_011 }, ";
+    let base = BASE.replacen("parameters = [", more, 1);
+    let plan = robot_file::plan(&base, &Registry::with_built_in()).unwrap();
+    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+        let (segment, _) = omnibase_run::simulated::segment(&plan).map_err(|error| error.to_string())?;
+        let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+        Ok((Box::new(link), clock))
+    };
+    with_found(&base, &mut open, &mut Says("write"), |guide| {
+        let at_start = at_start::AtStart::of_drive(&guide.plan, &guide.record.drives[0]);
+        let objects: Vec<u16> = at_start.objects().map(|(index, _)| index).collect();
+        assert!(objects.contains(&0x6085) && !objects.contains(&at_start::STORE), "{objects:x?}");
+        for drive in &mut guide.record.drives {
+            drive.wheel = Some(format!("wheel_{}", drive.position + 1));
+        }
+        assert!(guide.parameters().unwrap());
+        let of_store: Vec<&String> = guide.record.log.iter().filter(|line| line.contains("1010")).collect();
+        assert!(
+            of_store.len() == 3 && of_store.iter().all(|line| line.contains("can't be compared and stored"))
+        );
+    });
+}
+
+/// A drive that took a jogged one's place before all were found again is remembered, too; the one that is gone isn't forgotten.
+#[test]
+fn a_drive_in_the_place_of_a_jogged_one_is_remembered_and_that_one_is_told() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+        let (segment, _) = omnibase_run::simulated::segment(&plan).map_err(|error| error.to_string())?;
+        let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+        Ok((Box::new(link), clock))
+    };
+    let gone = FoundDrive { serial: 12_345, position: 2, ..FoundDrive::default() };
+    let record = Record { jogged: vec![gone.clone()], ..Record::default() };
+    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
+        guide.find().unwrap();
+        guide.operational().unwrap();
+        assert_eq!(guide.record.jogged.len(), 4);
+        guide.operational().unwrap();
+        assert_eq!(guide.record.jogged.len(), 4, "once each");
+        guide.leave_as_found();
+        let words = guide.record.findings.join("\n");
+        assert!(words.contains("serial 12345 was jogged and isn't among the drives"), "{words}");
+        assert!(guide.record.jogged.contains(&gone));
+        // What nobody knows isn't put back, so it stays remembered.
+        guide.record.jogged.retain(|one| *one != gone);
+        let was = guide.record.drives[0].was.clone();
+        guide.record.drives[0].was.retain(|(index, ..)| *index != at_start::MAX_TORQUE);
+        guide.leave_as_found();
+        assert!(guide.record.findings.join("\n").contains("SubDevice 0: not all that it held before"));
+        assert_eq!(guide.record.jogged.len(), 3);
+        guide.record.drives[0].was = was;
+        guide.leave_as_found();
+        assert_eq!(guide.record.jogged, []);
+        // What somebody had written is what is put back.
+        let drive = guide.record.drives[1].clone();
+        let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+        guide.keep_wished(&drive, torque, &[0xD0, 0x07]);
+        let of = |drive: &FoundDrive| {
+            drive.was.iter().find(|(index, ..)| *index == at_start::MAX_TORQUE).unwrap().2.clone()
+        };
+        let torques: Vec<Vec<u8>> = guide.record.drives.iter().map(of).collect();
+        assert_eq!(torques, [vec![0xB8, 0x0B], vec![0xD0, 0x07], vec![0xB8, 0x0B]]);
+    });
+}
+
+/// Its alias is written after its first jog: it is the same drive all the same.
+#[test]
+fn what_a_drive_was_before_is_remembered_where_it_got_an_alias_since() {
+    let drive = |alias, torque: u16| FoundDrive {
+        alias,
+        was: vec![(at_start::MAX_TORQUE, 0, torque.to_le_bytes().to_vec())],
+        ..FoundDrive::default()
+    };
+    let mut named = drive(Some(77), 100);
+    assert!(before::recall(&[drive(None, 3000)], &mut named).is_empty());
+    assert_eq!(named, drive(Some(77), 3000));
+    // Where one of them has it, the others aren't meant.
+    let mut named = drive(Some(77), 100);
+    assert!(before::recall(&[drive(None, 2500), drive(Some(77), 3000)], &mut named).is_empty());
+    assert_eq!(named, drive(Some(77), 3000));
+}
+
+/// Of drives that look alike and were different before nobody knows whose is whose: it is told, and nothing is written.
+#[test]
+fn what_drives_that_look_alike_were_before_is_not_guessed() {
+    let drive = |torques: [u8; 2]| FoundDrive {
+        was: vec![(at_start::MAX_TORQUE, 0, torques.to_vec()), (0x6060, 0, vec![3])],
+        ..FoundDrive::default()
+    };
+    let jogged = [drive([0xB8, 0x0B]), drive([0xC4, 0x09])];
+    let mut of_jog = FoundDrive {
+        was: vec![(at_start::MAX_TORQUE, 0, vec![100, 0]), (0x6060, 0, vec![9])],
+        ..FoundDrive::default()
+    };
+    let words = before::recall(&jogged, &mut of_jog);
+    assert_eq!(words.len(), 1);
+    assert!(words[0].contains("was 3000 or 2500 before it was jogged"), "{words:?}");
+    assert_eq!(of_jog.was, [(0x6060, 0, vec![3])]);
+    let mut as_found = drive([0xC4, 0x09]);
+    assert!(before::recall(&jogged, &mut as_found).is_empty());
+    assert_eq!(as_found, drive([0xC4, 0x09]));
+}
+
+/// Drives that look alike and held different torques; the program was killed in a jog, and whoever takes it up again doesn't know
+/// whether they were swapped: nothing is written into the wrong one until somebody says that they weren't.
+#[test]
+fn what_was_in_drives_that_look_alike_is_put_back_once_their_places_are_known() {
+    let text = "[[subdevice]]\nkind = \"servo\"\ncount = 3\n";
+    let segment = omnibase_ethercat_sim::SegmentFile::parse(text).unwrap();
+    let segment = segment.build(std::path::Path::new(".")).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+    let as_found = [1100_u16, 1200, 1300];
+    let mut bus = by_tool(&link, &clock);
+    for (position, value) in (0..).zip(as_found) {
+        bus.sdo_write(position, torque, &value.to_le_bytes()).unwrap();
+    }
+    drop(bus);
+    let mut kept = String::new();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        guide.record.done = vec![Step::Find];
+        kept = guide.record.to_json();
+    });
+    let left = max_torques(&link, &clock);
+    assert!(left.iter().zip(as_found).all(|(left, was)| *left != was), "{left:?}");
+    // Asked where they are, he leaves.
+    with_record(BASE, Record::from_json(&kept).unwrap(), &mut open, &mut Nobody, |guide| {
+        assert_eq!(guide.run().unwrap(), Ended::Left(None));
+        let words = guide.record.findings.join("\n");
+        assert!(words.contains("SubDevice 0: nobody said that it is where it was"), "{words}");
+        assert_eq!(guide.record.jogged.len(), 3);
+    });
+    assert_eq!(max_torques(&link, &clock), left);
+    with_record(BASE, Record::from_json(&kept).unwrap(), &mut open, &mut Says("as before"), |guide| {
+        guide.compare().unwrap();
+        assert!(guide.are_in_their_places().unwrap());
+        guide.leave_as_found();
+        assert_eq!(guide.record.jogged, []);
+    });
+    assert_eq!(max_torques(&link, &clock), as_found);
+}
+
+/// Of drives that look alike one is gone when the set-up is begun anew: the others get back what they held, and that one isn't forgotten.
+#[test]
+fn one_that_is_gone_of_those_that_look_alike_stays_remembered() {
+    use omnibase_ethercat_sim::Fault;
+    let text = "[[subdevice]]\nkind = \"servo\"\ncount = 3\n";
+    let segment = omnibase_ethercat_sim::SegmentFile::parse(text).unwrap();
+    let mut segment = segment.build(std::path::Path::new(".")).unwrap();
+    let injector = segment.injector();
+    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let as_found = max_torques(&link, &clock);
+    let mut jogged = Vec::new();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        jogged = guide.record.jogged.clone();
+    });
+    injector.inject(2, Fault::PowerOff);
+    let record = Record { jogged, ..Record::default() };
+    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
+        assert!(matches!(guide.run(), Err(SetupError::TooFewDrives { wheels: 3, drives: 2 })));
+        let words: Vec<&String> =
+            guide.record.findings.iter().filter(|words| words.contains("isn't among the drives")).collect();
+        assert_eq!(words.len(), 1, "{:?}", guide.record.findings);
+        assert_eq!(guide.record.jogged.len(), 3);
+    });
+    let mut bus = by_tool(&link, &clock);
+    for (position, was) in (0..2).zip(as_found) {
+        let now = bus.sdo_read(position, ObjectAddress::new(at_start::MAX_TORQUE, 0), SdoAccess::Entry);
+        assert_eq!(now.unwrap(), was.to_le_bytes());
+    }
+}
