@@ -293,7 +293,10 @@ impl Seeded {
             place[2] += turn_rad;
             points.push(format!("[{time_s:?}, {:?}, {:?}, {:?}]", place[0], place[1], place[2]));
         }
-        format!("{text}\n[reference]\nkind = \"path\"\ntiming = \"stretched\"\npoints = [{}]\n", points.join(", "))
+        format!(
+            "{text}\n[reference]\nkind = \"path\"\ntiming = \"stretched\"\npoints = [{}]\n",
+            points.join(", ")
+        )
     }
 
     /// In one line.
