@@ -135,33 +135,41 @@ impl Esc {
             return;
         }
         let count = match telegram.command {
-            Command::Lwr => {
-                let mut written = false;
-                for n in 0..self.fmmus.len() {
-                    let fmmu = self.fmmus[n];
-                    if fmmu.writes
-                        && let Some(bytes) = fmmu.overlap(logical, length)
-                    {
-                        written |= self.write_mapped(&Part { fmmu, logical, bytes }, telegram.data, now);
-                    }
-                }
-                u16::from(written)
-            }
-            Command::Lrd => {
-                let mut read = false;
-                for n in 0..self.fmmus.len() {
-                    let fmmu = self.fmmus[n];
-                    if fmmu.reads
-                        && let Some(bytes) = fmmu.overlap(logical, length)
-                    {
-                        read |= self.read_mapped(&Part { fmmu, logical, bytes }, telegram.data, now);
-                    }
-                }
-                u16::from(read)
-            }
+            Command::Lwr => u16::from(self.each_part(
+                logical,
+                length,
+                |fmmu| fmmu.writes,
+                |esc, part| esc.write_mapped(part, telegram.data, now),
+            )),
+            Command::Lrd => u16::from(self.each_part(
+                logical,
+                length,
+                |fmmu| fmmu.reads,
+                |esc, part| esc.read_mapped(part, telegram.data, now),
+            )),
             _ => self.read_and_write(logical, telegram.data, now),
         };
         telegram.count(count);
+    }
+
+    /// Goes through what FMMUs of a kind map of a datagram; whether any access did something.
+    fn each_part(
+        &mut self,
+        logical: u32,
+        length: usize,
+        maps: impl Fn(&Fmmu) -> bool,
+        mut access: impl FnMut(&mut Self, &Part) -> bool,
+    ) -> bool {
+        let mut any = false;
+        for n in 0..self.fmmus.len() {
+            let fmmu = self.fmmus[n];
+            if maps(&fmmu)
+                && let Some(bytes) = fmmu.overlap(logical, length)
+            {
+                any |= access(self, &Part { fmmu, logical, bytes });
+            }
+        }
+        any
     }
 
     /// LRW; by how much it counts.
