@@ -44,6 +44,9 @@ const DRAWN_1_S: f64 = 5.0;
 const LEAST_SLIP_M_S: f64 = 0.05;
 /// So many standard deviations of v̂ come on top.
 const SIGMAS: f64 = 3.0;
+/// All of it counts so many times where more than three rims agree within this part of it: all slip alike, or a force is unknown.
+const ALIKE: f64 = 1.3;
+const ALIKE_SHARE: f64 = 0.25;
 /// For how long it must be ahead, ns; and what slips grips again after as long below half of it.
 const LASTING_NS: u64 = 10_000_000;
 /// A wheel that grips makes up for what it slipped, s: many short slips are a long one.
@@ -385,12 +388,15 @@ impl Grip {
         let rims = self.kinematics.matrix().iter().zip(self.rim_share);
         let mean_n = |mass_kg: f64| mass_kg * GRAVITY_M_S2 / self.kinematics.wheel_count() as f64;
         let missing = self.steady.if_it_slides();
+        let is_alike = self.kinematics.wheel_count() > 3
+            && apart_m_s.iter().all(|apart_m_s| apart_m_s.abs() < ALIKE_SHARE * LEAST_SLIP_M_S);
+        let times = if is_alike { ALIKE } else { 1.0 };
         let (mut is_over, mut is_counted) = (false, false);
         self.felt = 0.0;
         for (at, (wheel, (row, rim_share))) in self.wheels.iter_mut().zip(rims).enumerate() {
             let load = self.loads.of(at, dynamics.centre_m());
             let sigma_m_s = omnibase_platform::length([row[0], row[1]]) * along_m_s + row[2].abs() * sh;
-            let least_m_s = LEAST_SLIP_M_S + SIGMAS * sigma_m_s;
+            let least_m_s = times * (LEAST_SLIP_M_S + SIGMAS * sigma_m_s);
             let rubs_n = load * dynamics.friction_n[0] * (wheel.rim_m_s / DRY_M_S).clamp(-1.0, 1.0);
             let force_n = wheel.force_n - rubs_n - self.wheel_kg * wheel.gains_m_s2;
             // Its motor's direction: what a spinning wheel gives the floor is small.

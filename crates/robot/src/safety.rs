@@ -49,6 +49,8 @@ pub struct SafetyChain {
 const CAUGHT_UP_M: f64 = 1e-3;
 /// While other wires may be why wheels slip, they may slip so many times as far: the watch of wires takes 0.15 s to be sure.
 const SLIP_BY_WIRES: f64 = 6.0;
+/// The same while a gyro's turn begins to show other wires.
+const SLIP_BY_TURN: f64 = 3.0;
 
 /// What a check objects to: what to do, why, and about which wheel or stage.
 type Objection = Option<(SafetyAction, SafetyReason, u64)>;
@@ -202,8 +204,12 @@ impl SafetyChain {
     /// What a slipping wheel counts is no way of the platform: it isn't where it is believed to be.
     fn slip(&self, view: &SafetyView<'_>) -> Objection {
         // By speed a wheel that is wired backwards slips as well, or makes others slip: that it is wired so says more.
-        let waits = !self.is_by_torque(view) && self.wiring.may_explain();
-        let most_m = self.plan.slip_m * if waits { SLIP_BY_WIRES } else { 1.0 };
+        let times = match () {
+            () if !self.is_by_torque(view) && self.wiring.may_explain() => SLIP_BY_WIRES,
+            () if self.wiring.may_turn() => SLIP_BY_TURN,
+            () => 1.0,
+        };
+        let most_m = self.plan.slip_m * times;
         let wheel = view.grip.slipped_m.iter().position(|way_m| *way_m > most_m)?;
         Some((SafetyAction::Stop(self.plan.slip_stop), SafetyReason::WheelSlip, wheel as u64))
     }

@@ -20,7 +20,7 @@ pub const PATHS: [&str; 3] = ["square", "circle", "eight"];
 /// It rests for so long before it drives, s: as the guide says of gyros.
 const REST_S: u64 = 30;
 /// A gyro at the middle, as the guide says which: 0.0036 °/s in the root of a hertz.
-const GYRO: &str = "[[source]]\nname = \"imu\"\ninput = [{ name = \"turn\", unit = \"rad/s\" }]\n\n\
+pub(crate) const GYRO: &str = "[[source]]\nname = \"imu\"\ninput = [{ name = \"turn\", unit = \"rad/s\" }]\n\n\
                     [[sensor]]\nname = \"gyro\"\nkind = \"gyro\"\nfrom = \"imu.turn\"\nsigma_rad_s = 0.002\n\n\
                     [[simulation.sensor]]\nname = \"gyro\"\nbias_rad_s = 0.01\nbias_walk_rad_s = 3e-6\nscale_error = 0.002\n\
                     quantum = 1e-4\n";

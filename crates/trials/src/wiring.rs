@@ -7,6 +7,7 @@ use omnibase_robot_sim::{Payload, Wire, Wrench};
 
 use crate::approaches::Random;
 use crate::robots::{BMM, MECANUM, with_payload};
+use crate::sensed::GYRO;
 use crate::{Trial, plan_of};
 
 /// The control laws.
@@ -75,6 +76,8 @@ pub struct Case {
     pub estimate: f64,
     /// More of the table `simulation` and what follows it.
     pub world: String,
+    /// Whether it has a gyro.
+    pub gyro: bool,
     /// A push on its way.
     pub push: Option<Push>,
     /// When its payload becomes another, s after the start, and what part of the first one it is then.
@@ -101,6 +104,8 @@ pub struct Named {
     pub wheel: u64,
     /// How far its wheels' places went over the floor by then, m.
     pub way_m: f64,
+    /// How far it is from where it believes to be, m.
+    pub astray_m: f64,
 }
 
 impl Named {
@@ -116,7 +121,7 @@ impl Case {
     pub fn plain(robot: &'static str, law: &'static str, path: &'static str, fault: Fault) -> Case {
         let world = String::new();
         let (push, loaded) = (None, None);
-        Case { robot, law, path, fault, payload_kg: 0.0, estimate: 1.0, world, push, loaded }
+        Case { robot, law, path, fault, payload_kg: 0.0, estimate: 1.0, world, gyro: false, push, loaded }
     }
 
     /// A robot that is as its file says, by a seed: mass and what is known of it, load, floor, patches, tread, slope, pushes and
@@ -159,7 +164,7 @@ impl Case {
         });
         let loaded = (drawn.below(4) == 0).then(|| (drawn.between(1.0, 12.0), drawn.between(0.2, 2.0)));
         let estimate = drawn.spread(0.6, 1.6);
-        Case { robot, law, path, fault: Fault::None, payload_kg, estimate, world, push, loaded }
+        Case { robot, law, path, fault: Fault::None, payload_kg, estimate, world, gyro: false, push, loaded }
     }
 
     fn text(&self) -> String {
@@ -183,7 +188,12 @@ impl Case {
                 "kind = \"path\"\npoints = [[0, 0, 0, 0], [4, 2, 0, 0], [8, 2, 2, 0], [12, 0, 2, 0], [16, 0, 0, 0]]"
             }
         };
-        format!("{text}{limited}{}\n[reference]\n{path}\n", self.world)
+        let gyro = if self.gyro {
+            format!("[estimator]\nkind = \"fused\"\n{GYRO}[safety]\ngyro_input = \"imu.turn\"\n")
+        } else {
+            String::new()
+        };
+        format!("{text}{limited}{}\n[reference]\n{path}\n{gyro}", self.world)
     }
 
     /// What happens to it in the cycle at this time, s.
@@ -250,8 +260,10 @@ impl Case {
             is_asked |= kind == Some(RequestKind::Track);
             let record = trial.step(kind);
             let (phase, reason, wheel) = (record.phase, record.stop_reason, record.stop_where);
+            let believed = record.state.odom_from_body;
             let twist = trial.machine.truth().twist_in_body;
             named.way_m += period_s * (twist.vx_m_s.hypot(twist.vy_m_s) + arm_m * twist.w_rad_s.abs());
+            named.astray_m = trial.pose().distance_m(believed);
             if reason != SafetyReason::None {
                 return Named { reason, wheel, ..named };
             }

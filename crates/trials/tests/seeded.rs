@@ -48,3 +48,14 @@ fn an_observers_robot_on_a_slippery_floor_is_where_it_believes_to_be_or_is_stopp
         assert!(!outcome.is(Wrong::Lost), "{}: {}", seeded.row(), outcome.row());
     }
 }
+
+#[test]
+fn four_rims_that_agree_are_not_said_to_slip_for_a_force_that_nobody_knows() {
+    // All four were stopped for slip.
+    none_is(Wrong::FalseSlip, &[4327, 5293, 7200, 8479]);
+}
+
+#[test]
+fn a_wheel_that_rings_as_a_motion_begins_is_not_said_to_turn_alone() {
+    none_is(Wrong::FalseSlip, &[4138, 7009]);
+}

@@ -15,19 +15,21 @@ const FAR_M: f64 = 1.0;
 fn named(
     robot: &'static str,
     law: &'static str,
+    gyro: bool,
     is_it: impl Fn(&Fault) -> bool,
 ) -> Vec<(Fault, &'static str, Named)> {
     let wheels = if robot == "bmm" { 3 } else { 4 };
     let faults: Vec<Fault> = Fault::all(wheels).into_iter().filter(is_it).collect();
     let ways = PATHS.into_iter().flat_map(|path| faults.iter().map(move |fault| (path, *fault)));
-    ways.map(|(path, fault)| (fault, path, Case::plain(robot, law, path, fault).ride(FAR_M))).collect()
+    let ride = |path, fault| Case { gyro, ..Case::plain(robot, law, path, fault) }.ride(FAR_M);
+    ways.map(|(path, fault)| (fault, path, ride(path, fault))).collect()
 }
 
 #[test]
 fn an_encoder_against_its_motor_is_named_before_the_robot_moves_a_hand() {
     for robot in ["bmm", "mecanum"] {
         for law in LAWS {
-            for (fault, path, named) in named(robot, law, |fault| matches!(fault, Fault::Encoder(_))) {
+            for (fault, path, named) in named(robot, law, false, |fault| matches!(fault, Fault::Encoder(_))) {
                 let Fault::Encoder(wheel) = fault else { continue };
                 // The BMM's first wheel stands while it drives along x.
                 if (robot, path, wheel) == ("bmm", "square", 0) {
@@ -44,7 +46,7 @@ fn an_encoder_against_its_motor_is_named_before_the_robot_moves_a_hand() {
 fn a_wheel_of_four_that_is_wired_backwards_is_named() {
     let (mut told, mut right, mut near, mut all) = (0, 0, 0, 0);
     for law in LAWS {
-        for (fault, path, named) in named("mecanum", law, |fault| matches!(fault, Fault::Turned(_))) {
+        for (fault, path, named) in named("mecanum", law, false, |fault| matches!(fault, Fault::Turned(_))) {
             let Fault::Turned(wheel) = fault else { continue };
             println!("{law} {path} {fault:?}: {named:?}");
             let is_named = named.reason == SafetyReason::Wiring;
@@ -59,10 +61,42 @@ fn a_wheel_of_four_that_is_wired_backwards_is_named() {
 }
 
 #[test]
+fn a_gyro_names_a_wheel_of_three_that_is_wired_backwards() {
+    for law in ["closed_loop_speed", "adaptive_torque"] {
+        let mut near = 0;
+        for (fault, path, named) in named("bmm", law, true, |fault| matches!(fault, Fault::Turned(_))) {
+            println!("{law} {path} {fault:?}: {named:?}");
+            let Fault::Turned(wheel) = fault else { continue };
+            // The first wheel stands while it drives along x.
+            let stands = (path, wheel) == ("square", 0);
+            let right = (SafetyReason::Wiring, wheel as u64);
+            let slips = (SafetyReason::WheelSlip, wheel as u64);
+            let found = (named.reason, named.wheel);
+            assert!(stands || found == right || found == slips, "{law} {path} {fault:?}: {named:?}");
+            assert!(named.astray_m < 0.1, "{law} {path} {fault:?}: {named:?}");
+            near += u32::from(found == right && named.way_m <= 0.5);
+        }
+        assert!(near >= 11, "{law}: {near} of 15 are named within half a metre");
+    }
+}
+
+#[test]
+fn a_gyro_names_two_wheels_of_four_that_are_swapped_where_that_leads_astray() {
+    let swaps = named("mecanum", "closed_loop_speed", true, |fault| matches!(fault, Fault::Swapped(..)));
+    for (fault, path, named) in &swaps {
+        println!("{path} {fault:?}: {named:?}");
+        let is_stopped = matches!(named.reason, SafetyReason::Wiring | SafetyReason::WheelSlip);
+        assert!(is_stopped || named.astray_m < 0.01, "{path} {fault:?}: {named:?}");
+    }
+    let told = swaps.iter().filter(|(.., named)| named.reason == SafetyReason::Wiring).count();
+    assert!(told >= 10, "{told} of {}", swaps.len());
+}
+
+#[test]
 fn no_robot_that_is_as_its_file_says_is_named() {
     let mut wrong = 0;
     for seed in 1..=ROBOTS {
-        let case = Case::seeded(seed);
+        let case = Case { gyro: seed % 2 == 0, ..Case::seeded(seed) };
         let named = case.ride(f64::INFINITY);
         if named.is_named() {
             wrong += 1;

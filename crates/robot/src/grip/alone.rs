@@ -27,8 +27,10 @@ const PART: f64 = 0.3;
 const STILL_GIVEN: f64 = 0.5;
 /// Slower than this no slide is taken to be, m/s: how heavy the platform is may not be known.
 const LEAST_M_S: f64 = 0.02;
-/// For how long, s: a wheel that rings on a soft tread after a jerk looks so for 8 ms.
-const LASTING_S: f64 = 0.015;
+/// For how long, s, where it swings by itself: a wheel that rings on a soft tread after a jerk looks so for 8 ms, single ones of seeded
+/// robots that grip for 17; and where it was asked.
+const SEEN_S: f64 = 0.018;
+const HEARD_S: f64 = 0.015;
 /// So many looks in a row say it of a wheel that was asked: a platform that swings on soft treads, or friction, may hide
 /// its push from two, and one that rings on them all but hides it from more.
 const LOOKS: u32 = 3;
@@ -86,6 +88,8 @@ pub(super) struct Alone {
     /// The square of a swing that says nothing, N².
     least: f64,
     wheels: PerWheel<Wheel>,
+    /// For how long a wheel must turn alone to be told, s.
+    lasting_s: f64,
     /// By how much the rims gained more than forces explain, in body axes, m/s.
     ahead_m_s: [f64; 2],
 }
@@ -100,6 +104,7 @@ impl Alone {
             forgotten: Decay::new(FORGOTTEN_1_S),
             least: (LEAST_SHARE * load_n).powi(2),
             wheels: PerWheel::from_fn(wheels, |_| Wheel::default()),
+            lasting_s: HEARD_S,
             ahead_m_s: [0.0; 2],
         }
     }
@@ -120,6 +125,7 @@ impl Alone {
 
     /// Sees which wheels turn alone by what swings by itself.
     pub(super) fn see(&mut self) {
+        self.lasting_s = SEEN_S;
         let greatest = self.wheels.iter().fold(0.0, |most: f64, wheel| most.max(wheel.motor.square));
         let least = self.least.max(PART * PART * greatest);
         for wheel in self.wheels.iter_mut() {
@@ -131,6 +137,7 @@ impl Alone {
     /// Hears which do of those that were asked, by a gentle motion or a harder one: by what each motor moves, of wheels of such a mass at
     /// their rims, kg.
     pub(super) fn hear(&mut self, moved: &[Option<Moved>; MAX_WHEELS], wheel_kg: f64, is_gentle: bool) {
+        self.lasting_s = HEARD_S;
         let are_spare = self.wheels.len() > 3;
         for (wheel, moved) in self.wheels.iter_mut().zip(moved) {
             if let Some(Moved { kg, along_kg, needed_kg, is_pushed }) = *moved {
@@ -153,11 +160,11 @@ impl Alone {
         for wheel in self.wheels.iter_mut() {
             let Wheel { floor, since_s, is_alone, .. } = *wheel;
             let is_given = floor.fast * floor.slow > STILL_GIVEN * floor.slow * floor.slow;
-            wheel.was_told = since_s >= LASTING_S;
+            wheel.was_told = since_s >= self.lasting_s;
             wheel.is_alone = is_alone && is_given;
             wheel.since_s = if wheel.is_alone { since_s + span_s } else { 0.0 };
         }
-        let any_slides = self.wheels.iter().any(|wheel| wheel.since_s >= LASTING_S);
+        let any_slides = self.wheels.iter().any(|wheel| wheel.since_s >= self.lasting_s);
         let keep = if any_slides { 1.0 } else { self.forgotten.kept(span_s) };
         let [x, y] = self.ahead_m_s;
         let turned = span_s * turn_rad_s;
@@ -176,7 +183,7 @@ impl Alone {
         // Until it was told it came to that speed from none.
         let lasted_s = if was_told { span_s } else { 0.5 / FORGOTTEN_1_S };
         let slide = Slide { ahead_m_s: ahead_m_s.copysign(motor_n), step_m: lasted_s * ahead_m_s };
-        (since_s >= LASTING_S).then_some(slide)
+        (since_s >= self.lasting_s).then_some(slide)
     }
 }
 
