@@ -325,8 +325,9 @@ fn main() {
     if of_lengths {
         return;
     }
-    let [(disc, of_disc, _), _, (long, of_long, _)] = &robots;
+    let [(disc, of_disc, _), (oblong, of_oblong, _), (long, of_long, _)] = &robots;
     cold(disc, of_disc, 200, false);
+    cold(oblong, of_oblong, 200, false);
     cold(&format!("{long}, narrow doors"), of_long, 40, true);
 }
 

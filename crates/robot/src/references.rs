@@ -29,6 +29,9 @@ use crate::stages::{PlannedFor, Reference};
 /// Where points turn by more than this they are a corner, rad: 30°.
 const CORNER_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
+/// Most turns of a shape that are planned as fast as can be: its memory is a megabyte for a hundred of them.
+const MOST_TURNS: f64 = 1e5;
+
 /// The keys of the fastest motion's speeds: the greatest ones, and those with which ends are passed.
 const SPEEDS: [&str; 4] = ["speed_m_s", "turn_speed_rad_s", "start_speed_m_s", "end_speed_m_s"];
 /// Where in them those of the ends begin.
@@ -163,6 +166,10 @@ impl ShapeKind {
                 }
                 (None, Turns::Named(EndlessName::Endless)) => {
                     refused("turns", "the fastest motion goes from rest to rest, so it has an end")
+                }
+                (None, Turns::Count(turns)) if turns > MOST_TURNS => {
+                    let expected = format!("expected at most {MOST_TURNS} for the fastest motion");
+                    refused("turns", &expected)
                 }
                 (None, Turns::Count(turns)) => {
                     let way = ShapePath { shape, heading, turns };

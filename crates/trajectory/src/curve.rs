@@ -66,6 +66,8 @@ const TURN_RAD: f64 = 0.1;
 const MOST_GROWTH: f64 = 2.0;
 /// Places that are closer are one, m.
 const SAME_PLACE_M: f64 = 1e-7;
+/// Given headings that are closer are one, rad.
+const SAME_HEADING_RAD: f64 = 1e-7;
 /// So often a span is halved at most.
 const HALVINGS: usize = 12;
 
@@ -167,16 +169,17 @@ impl Nurbs {
     /// Puts parameters between two.
     fn halve(&self, span: usize, [from, to]: [f64; 2], halvings: usize, found: &mut Vec<(usize, f64)>) {
         let middle = 0.5 * (from + to);
-        let directions = [from, middle, to].map(|u| self.direction_rad(span, u));
-        let turn = |pair: &[Option<f64>]| match pair {
+        let way = [from, middle, to].map(|u| self.at(span, u));
+        let turn = |a: usize, b: usize| match [a, b].map(|at| direction_rad(&way[at])) {
             [Some(a), Some(b)] => wrap_angle_rad(b - a).abs(),
+            // It turns on the spot: only where it turns back does that count.
+            [None, None] if way[a][2][1] * way[b][2][1] > 0.0 => 0.0,
             _ => f64::INFINITY,
         };
-        let way = [from, middle, to].map(|u| self.at(span, u));
         let distance = |a: usize, b: usize| (way[b][0][0] - way[a][0][0]).hypot(way[b][1][0] - way[a][1][0]);
         let (first, second) = (distance(0, 1), distance(1, 2));
         let is_even = first <= MOST_GROWTH * second && second <= MOST_GROWTH * first;
-        let is_close = turn(&directions[..2]).max(turn(&directions[1..])) < 0.5 * TURN_RAD;
+        let is_close = turn(0, 1).max(turn(1, 2)) < 0.5 * TURN_RAD;
         if halvings == 0 || (is_close && is_even && halvings < HALVINGS) {
             return;
         }
@@ -184,12 +187,11 @@ impl Nurbs {
         found.push((span, middle));
         self.halve(span, [middle, to], halvings - 1, found);
     }
+}
 
-    /// The tangent's direction, rad; `None` where it has none.
-    fn direction_rad(&self, span: usize, u: f64) -> Option<f64> {
-        let [[_, x], [_, y], _] = self.at(span, u);
-        (x.hypot(y) > 0.0).then(|| y.atan2(x))
-    }
+/// The tangent's direction at a place of a curve, rad; `None` where it has none.
+fn direction_rad([[_, x], [_, y], _]: &[[f64; 2]; 3]) -> Option<f64> {
+    (x.hypot(*y) > 0.0).then(|| y.atan2(*x))
 }
 
 /// The poses of a way along curves that follow one another, as close as a spline through them needs: the way by them is off by at
@@ -198,13 +200,16 @@ impl Nurbs {
 /// A tangent that follows turns by less than half a turn from pose to pose, on the spot where it jumps by more than `corner_rad`,
 /// and stays where a curve has none.
 pub fn poses(curves: &[Nurbs], heading: CurveHeading, corner_rad: f64) -> Vec<Pose2> {
+    // A given heading counts on the spot, too.
+    let least_rad = if heading == CurveHeading::Given { SAME_HEADING_RAD } else { corner_rad };
     let mut poses: Vec<Pose2> = Vec::new();
     for (curve, (span, u)) in
         curves.iter().flat_map(|curve| curve.parameters().into_iter().map(move |at| (curve, at)))
     {
-        let [x_m, y_m, given_rad] = curve.at(span, u).map(|axis| axis[0]);
+        let at = curve.at(span, u);
+        let [x_m, y_m, given_rad] = at.map(|axis| axis[0]);
         let last = poses.last().copied();
-        let heading_rad = match (heading, curve.direction_rad(span, u)) {
+        let heading_rad = match (heading, direction_rad(&at)) {
             (CurveHeading::Given, _) => given_rad,
             (CurveHeading::Tangent, direction) => {
                 let last_rad = last.map_or_else(|| direction.unwrap_or_default(), |last| last.heading_rad);
@@ -215,7 +220,7 @@ pub fn poses(curves: &[Nurbs], heading: CurveHeading, corner_rad: f64) -> Vec<Po
         match last {
             Some(last) if (x_m - last.x_m).hypot(y_m - last.y_m) < SAME_PLACE_M => {
                 let turn_rad = heading_rad - last.heading_rad;
-                if turn_rad.abs() > corner_rad {
+                if turn_rad.abs() > least_rad {
                     poses.push(pose);
                 } else if let Some(last) = poses.last_mut() {
                     last.heading_rad += 0.5 * turn_rad;

@@ -205,6 +205,9 @@ impl GeometricPath for PiecewisePath {
     }
 }
 
+/// Parts of a shape's turn between joints, although it is smooth there.
+const PARTS_OF_TURN: f64 = 8.0;
+
 /// A shape, over its angle φ.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ShapePath {
@@ -226,7 +229,10 @@ impl GeometricPath for ShapePath {
     }
 
     fn breaks(&self) -> Vec<f64> {
-        vec![0.0, self.length()]
+        // Where a turn ends it looks as where it began: whoever looks at the ends of larger parts alone sees nothing of it.
+        let parts = (PARTS_OF_TURN * self.turns).ceil().max(1.0) as usize;
+        let part = self.length() / parts as f64;
+        (0..parts).map(|at| part * at as f64).chain([self.length()]).collect()
     }
 }
 

@@ -215,6 +215,28 @@ mod tests {
         assert!(late.contains("a curve has no times of its own"), "{late}");
     }
 
+    #[test]
+    fn a_spline_that_turns_on_the_spot_is_driven_as_it_is_given() {
+        let spline = |controls: &str, degree: u32| {
+            format!("kind = \"nurbs\"\ncontrols = {controls}\ndegree = {degree}\n")
+        };
+        let to_and_fro = spline("[[1, 2, 0], [1, 2, 2], [1, 2, 0.5]]", 2);
+        is_near(end(&to_and_fro), [0.0, 0.0, 0.5]);
+        is_near(end(&spline("[[0, 0, 0], [0, 0, 1], [0, 0, 8]]", 1)), [0.0, 0.0, 8.0]);
+        // It turns back at 4/7 of its parameter, at 8/7 rad.
+        let mut reference = made(&to_and_fro).unwrap();
+        reference.start(&crate::signals::Setpoint::default());
+        let duration_s = reference.duration_s().unwrap();
+        let headings_rad = (0..=1000)
+            .map(|at| reference.sample(duration_s * f64::from(at) / 1000.0).odom_from_body.heading_rad);
+        let most_rad = headings_rad.fold(0.0, f64::max);
+        assert!((most_rad - 8.0 / 7.0).abs() < 1e-5, "{most_rad} rad");
+        for heading in ["fixed", "follows_tangent"] {
+            let said = made(&format!("{to_and_fro}heading = \"{heading}\"")).err().unwrap();
+            assert!(said.contains("all of them are the same pose"), "{heading}: {said}");
+        }
+    }
+
     fn duration_s(lines: &str) -> f64 {
         made(lines).unwrap().duration_s().unwrap()
     }

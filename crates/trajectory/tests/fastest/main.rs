@@ -1,5 +1,6 @@
 //! The fastest motion along a way: against optima that are known in closed form, and within every limit.
 
+mod curves;
 mod ends;
 mod heat;
 
@@ -185,6 +186,26 @@ fn every_limit_is_kept_and_the_time_is_short() {
             let off = [x_m - axes[0][0], y_m - axes[1][0], heading_rad - axes[2][0]];
             assert!(off.iter().all(|off| off.abs() < 1e-9), "{name} at {time_s}: {off:?}");
             assert!(setpoint.twist_in_odom.speed_m_s() < 1e-6, "{name} at {time_s}");
+        }
+    }
+}
+
+#[test]
+fn shapes_of_many_turns_keep_their_limits_and_their_time() {
+    let bounds = PlatformBounds::new(LIMITS);
+    for shape in [Shape::Eight { half_length_m: 0.5 }, Shape::Circle { radius_m: 0.5 }] {
+        let timed = |turns| {
+            let way = ShapePath { shape, heading: Heading::Fixed, turns };
+            FastestTrajectory::new(way, &bounds).unwrap()
+        };
+        // What one turn more takes, once it goes on as it went.
+        let [two_s, three_s] = [2.0, 3.0].map(|turns| timed(turns).duration_s());
+        for turns in [64.0, 128.0, 200.0, 1024.0] {
+            let motion = timed(turns);
+            assert!(loads(&motion, &bounds) < 1.003, "{shape:?}, {turns}: {}", loads(&motion, &bounds));
+            let expected_s = two_s + (turns - 2.0) * (three_s - two_s);
+            let longer = motion.duration_s() / expected_s - 1.0;
+            assert!(longer.abs() < 0.01, "{shape:?}, {turns}: {} s, {expected_s} s", motion.duration_s());
         }
     }
 }
