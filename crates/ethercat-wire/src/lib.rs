@@ -31,4 +31,4 @@ pub mod time;
 pub use al::{AlState, AlStatusCode};
 pub use command::{Address, Command};
 pub use link::{Link, LinkError, RingState};
-pub use time::{Clock, DcTime, HostTime};
+pub use time::{Clock, DcTime, HostTime, spoken};

@@ -1,5 +1,6 @@
 //! Instants that don't mix: the host's monotonic time and the segment's distributed-clock time.
 
+use core::fmt;
 use core::ops::{Add, Sub};
 use core::time::Duration;
 
@@ -31,6 +32,28 @@ macro_rules! instant {
 }
 instant!(HostTime);
 instant!(DcTime);
+
+/// How long something took, as people are told it: three digits, and whole seconds.
+pub fn spoken(duration: Duration) -> impl fmt::Display {
+    Spoken(duration)
+}
+
+struct Spoken(Duration);
+
+impl fmt::Display for Spoken {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        const SECOND: u128 = 1_000_000_000;
+        let ns = self.0.as_nanos();
+        let mut step = 1;
+        while step < SECOND && ns / step >= 1000 {
+            step *= 10;
+        }
+        let rounded = (ns + step / 2) / step * step;
+        let units = [("s", SECOND), ("ms", 1_000_000), ("us", 1000), ("ns", 1)];
+        let (unit, size) = units.into_iter().find(|(_, size)| rounded >= *size).unwrap_or(units[0]);
+        write!(f, "{} {unit}", rounded as f64 / size as f64)
+    }
+}
 
 /// The host's time. Only runners and set-up code own one; a cycle gets its times as arguments.
 pub trait Clock {
@@ -64,5 +87,28 @@ impl<C: Clock + ?Sized> Clock for alloc::boxed::Box<C> {
     }
     fn chance(&self) -> Option<u64> {
         (**self).chance()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn how_long_something_took_is_told_in_three_digits() {
+        for (ns, expected) in [
+            (0, "0 s"),
+            (7, "7 ns"),
+            (1500, "1.5 us"),
+            (886_000, "886 us"),
+            (999_600, "1 ms"),
+            (29_860_078, "29.9 ms"),
+            (500_000_000, "500 ms"),
+            (3_000_000_000, "3 s"),
+            (12_345_678_901, "12.3 s"),
+            (3_723_400_000_000, "3723 s"),
+        ] {
+            assert_eq!(spoken(Duration::from_nanos(ns)).to_string(), expected);
+        }
     }
 }

@@ -15,6 +15,7 @@ use crate::wire::HostTime;
 use crate::wire::bytes::{put_u16, put_u32, u16_at, u32_at};
 use crate::wire::register;
 use crate::wire::sii;
+use crate::wire::spoken;
 
 pub(crate) use write::spoiled_checksum;
 pub use write::{EepromWriteError, SiiWriter, WordWrite, plan, with_checksum};
@@ -78,7 +79,7 @@ impl fmt::Display for EepromFailure {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             EepromFailure::NoAnswer(found) => write!(f, "{}", found.against(1)),
-            EepromFailure::Busy(limit) => write!(f, "the interface stayed busy for {limit:?}"),
+            EepromFailure::Busy(limit) => write!(f, "the interface stayed busy for {}", spoken(*limit)),
             EepromFailure::NotAcknowledged { status } => {
                 write!(f, "the EEPROM did not acknowledge (register 0x0502 is 0x{status:04x})")
             }

@@ -7,7 +7,7 @@ use crate::found::Found;
 use crate::found::Target;
 use crate::procedure::{Answer, DatagramRequest, Next, Procedure};
 use crate::wire::bytes::u16_at;
-use crate::wire::{AlState, AlStatusCode, HostTime, register};
+use crate::wire::{AlState, AlStatusCode, HostTime, register, spoken};
 
 /// Pause between two looks at the state.
 const POLL_PAUSE: Duration = Duration::from_millis(1);
@@ -137,7 +137,7 @@ impl fmt::Display for StateError {
         write!(f, "SubDevice {}: {} ", self.position, self.requested)?;
         match self.cause {
             StateFailure::Refused => f.write_str("refused")?,
-            StateFailure::Timeout(limit) => write!(f, "not reached within {limit:?}")?,
+            StateFailure::Timeout(limit) => write!(f, "not reached within {}", spoken(limit))?,
             StateFailure::NoAnswer(found) => {
                 write!(f, "not reached: {}", found.against(1))?;
             }
@@ -321,7 +321,7 @@ mod tests {
         assert_eq!(error.cause, StateFailure::Timeout(Duration::from_secs(3)));
         assert_eq!(
             error.to_string(),
-            "SubDevice 4: PRE-OP not reached within 3s; it is in PRE-OP with error 0x0000 no error"
+            "SubDevice 4: PRE-OP not reached within 3 s; it is in PRE-OP with error 0x0000 no error"
         );
     }
 

@@ -8,9 +8,8 @@ use std::io::{self, Write};
 use std::time::Duration;
 
 use omnibase_ethercat::paced::Times;
+use omnibase_ethercat::wire::spoken;
 use serde::Serialize;
-
-use crate::quantiles::microseconds;
 
 /// One side's pauses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
@@ -82,7 +81,7 @@ impl Pauses {
                 "this program was paused {} times, up to {}: it got no CPU. Ask for real time (--realtime) where \
                  that isn't done yet, and let `omnibase doctor` measure this machine's pauses",
                 self.own.pauses,
-                microseconds(self.own.longest_ns)
+                spoken(Duration::from_nanos(self.own.longest_ns))
             ));
         }
         if self.other.pauses > 0 {
@@ -93,7 +92,7 @@ impl Pauses {
                  machine can't do better, take a longer cycle than {cycle_us} us, or tolerate {needed} lost exchanges \
                  ([safety] lost_exchanges_tolerated)",
                 self.other.pauses,
-                microseconds(self.other.longest_ns)
+                spoken(Duration::from_nanos(self.other.longest_ns))
             ));
         }
         lines
@@ -124,7 +123,7 @@ mod tests {
         assert_eq!((pauses.own, pauses.other), (Side::default(), Side { pauses: 1, longest_ns: 5_000_000 }));
         let words = &pauses.words()[0];
         assert!(
-            words.starts_with("the other side was silent 1 times, up to 5000")
+            words.starts_with("the other side was silent 1 times, up to 5 ms,")
                 && words.contains("tolerate 5")
         );
         // Late itself, and once held up while it waited: the loss is its own.

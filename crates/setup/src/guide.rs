@@ -264,20 +264,20 @@ impl<'a, C: Clock> Guide<'a, C> {
             return Ok(Ended::Left(None));
         }
         for step in Step::ALL {
-            if self.record.done.contains(&step) {
-                self.hand.step(step, true);
-                // Who was there must be there still.
-                if step == Step::Find {
-                    self.compare()?;
-                    if !self.are_in_their_places()? {
-                        return Ok(Ended::Left(None));
-                    }
+            let was_done = self.record.done.contains(&step);
+            self.hand.step(step, was_done);
+            // Who was there must be there still.
+            if step == Step::Find && was_done {
+                self.compare()?;
+                if !self.are_in_their_places()? || !self.settle()? {
+                    return Ok(Ended::Left(None));
                 }
+            }
+            if was_done {
                 continue;
             }
-            self.hand.step(step, false);
             let done = match step {
-                Step::Find => self.find().map(|()| true)?,
+                Step::Find => self.find().and_then(|()| self.settle())?,
                 Step::Jog => self.jog_all()?,
                 Step::Enable => self.enable_all()?,
                 Step::SafeTorqueOff => self.stop_all()?,

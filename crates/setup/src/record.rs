@@ -207,10 +207,12 @@ impl Record {
         self.log.push(text.into());
     }
 
-    /// Notes something that isn't as it should be.
+    /// Notes something that isn't as it should be; what was found before is none the more so.
     pub fn found(&mut self, text: impl Into<String>) {
         let text = text.into();
         self.log.push(format!("FOUND: {text}"));
-        self.findings.push(text);
+        if !self.findings.contains(&text) {
+            self.findings.push(text);
+        }
     }
 }

@@ -6,7 +6,7 @@ use core::time::Duration;
 use crate::config::DcConfig;
 use crate::found::Found;
 use crate::start_up::StartUpError;
-use crate::wire::{AlState, AlStatusCode};
+use crate::wire::{AlState, AlStatusCode, spoken};
 
 /// What a SubDevice was given before it refused.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -68,8 +68,8 @@ pub enum TransitionError {
     Sdo(StartUpError),
     /// A clock stayed too far from the reference.
     #[error(
-        "the clock of SubDevice {position} is {difference_ns} ns from the reference after {after:?}, \
-         the limit is {limit_ns} ns"
+        "the clock of SubDevice {position} is {difference_ns} ns from the reference after {}, \
+         the limit is {limit_ns} ns", spoken(*.after)
     )]
     NotLocked {
         /// The farthest clock.
@@ -82,7 +82,7 @@ pub enum TransitionError {
         after: Duration,
     },
     /// No time came from the reference clock.
-    #[error("the reference clock gave no time for {after:?}")]
+    #[error("the reference clock gave no time for {}", spoken(*.after))]
     ClockSilent {
         /// How long.
         after: Duration,
@@ -124,7 +124,7 @@ pub enum TransitionError {
         programmed: Programmed,
     },
     /// A SubDevice doesn't reach the state.
-    #[error("SubDevice {position} is still in {} after {after:?}, {target} was asked; programmed: {programmed}", Status(*.status))]
+    #[error("SubDevice {position} is still in {} after {}, {target} was asked; programmed: {programmed}", Status(*.status), spoken(*.after))]
     StateTimeout {
         /// Position.
         position: u16,
@@ -138,7 +138,7 @@ pub enum TransitionError {
         programmed: Programmed,
     },
     /// A SubDevice doesn't answer any more.
-    #[error("SubDevice {position} did not answer at its station address for {after:?}")]
+    #[error("SubDevice {position} did not answer at its station address for {}", spoken(*.after))]
     Unreachable {
         /// Position.
         position: u16,
@@ -160,7 +160,7 @@ pub enum TransitionError {
         received: u16,
     },
     /// Frames kept being lost.
-    #[error("frames kept being lost for {after:?}")]
+    #[error("frames kept being lost for {}", spoken(*.after))]
     FramesLost {
         /// How long.
         after: Duration,

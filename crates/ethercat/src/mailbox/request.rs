@@ -4,6 +4,7 @@ use super::short_text::ShortText;
 use crate::wire::coe::{AbortCode, ObjectAddress, info};
 use crate::wire::foe::FoeErrorCode;
 use crate::wire::mailbox::error_text;
+use crate::wire::spoken;
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::fmt;
@@ -202,19 +203,19 @@ impl fmt::Display for Waiting {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum MailboxError {
     /// The SubDevice doesn't answer at its station address at all.
-    #[error("the SubDevice did not answer at its station address for {after:?}")]
+    #[error("the SubDevice did not answer at its station address for {}", spoken(*.after))]
     Unreachable {
         /// How long it was tried.
         after: Duration,
     },
     /// Frames don't come back: nobody knows what the SubDevice would say.
-    #[error("no frame came back for {after:?}: frames are lost on their way")]
+    #[error("no frame came back for {}: frames are lost on their way", spoken(*.after))]
     Unheard {
         /// How long it was tried.
         after: Duration,
     },
     /// The SubDevice is there, its mailbox is silent.
-    #[error("timeout after {after:?} waiting for {waiting}")]
+    #[error("timeout after {} waiting for {waiting}", spoken(*.after))]
     Timeout {
         /// For what.
         waiting: Waiting,

@@ -186,9 +186,9 @@ fn a_slow_device_is_waited_for_as_long_as_it_may_take() {
     assert_eq!(reached, Ok(()));
     assert!(at > HostTime(33_000_000_000), "it took its time: {at:?}");
     for (timeouts, told) in [
-        (Timeouts::default(), "PRE-OP not reached within 3s"),
-        (Timeouts { safe_op_op: None, ..patient }, "still in PRE-OP after 10.0"),
-        (Timeouts { safe_op_op: seconds(2), ..patient }, "still in PRE-OP after 2.0"),
+        (Timeouts::default(), "PRE-OP not reached within 3 s"),
+        (Timeouts { safe_op_op: None, ..patient }, "still in PRE-OP after 10 s"),
+        (Timeouts { safe_op_op: seconds(2), ..patient }, "still in PRE-OP after 2 s"),
     ] {
         let text = reach(timeouts).0.unwrap_err();
         assert!(text.contains("SubDevice 1") && text.contains(told), "{told}: {text}");

@@ -2,7 +2,7 @@
 
 use super::{Finding, How};
 use crate::MonotonicClock;
-use omnibase_ethercat_wire::{Clock, HostTime};
+use omnibase_ethercat_wire::{Clock, HostTime, spoken};
 use std::time::Duration;
 
 /// A cycle of a millisecond bears this.
@@ -50,11 +50,11 @@ impl Gaps {
 
 fn verdict(gaps: &Gaps, duration: Duration) -> Finding {
     let found = format!(
-        "{} pauses of {} us and more in {} s, the longest {} us",
+        "{} pauses of {} and more in {}, the longest {}",
         gaps.long,
-        GOOD.as_micros(),
-        duration.as_secs(),
-        gaps.longest.as_micros()
+        spoken(GOOD),
+        spoken(duration),
+        spoken(gaps.longest)
     );
     let needed_us = (gaps.longest.as_micros() as u64).div_ceil(1000) * 1000;
     let remedy = format!(
@@ -94,7 +94,7 @@ mod tests {
         assert_eq!(finding.verdict, Verdict::Degraded);
         assert_eq!(
             finding.found,
-            "1 pauses of 500 us and more in 1 s, the longest 7500 us: too long for a cycle of 1 ms"
+            "1 pauses of 500 us and more in 1 s, the longest 7.5 ms: too long for a cycle of 1 ms"
         );
         let command = finding.remedy.unwrap().command;
         assert!(

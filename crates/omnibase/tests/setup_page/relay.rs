@@ -24,6 +24,7 @@ pub struct Relay {
     /// Address and port.
     pub at: String,
     line: Arc<Mutex<Line>>,
+    to: Arc<Mutex<String>>,
 }
 
 impl Relay {
@@ -32,10 +33,11 @@ impl Relay {
         let listener = TcpListener::bind("127.0.0.1:0").unwrap();
         let at = listener.local_addr().unwrap().to_string();
         let line = Arc::new(Mutex::new(Line::Passes));
-        let (to, of) = (to.to_owned(), Arc::clone(&line));
+        let to = Arc::new(Mutex::new(to.to_owned()));
+        let (far_end, of) = (Arc::clone(&to), Arc::clone(&line));
         std::thread::spawn(move || {
             for near in listener.incoming().map_while(Result::ok) {
-                let Ok(far) = TcpStream::connect(&to) else { continue };
+                let Ok(far) = TcpStream::connect(&*far_end.lock().unwrap()) else { continue };
                 for stream in [&near, &far] {
                     stream.set_nodelay(true).unwrap();
                 }
@@ -43,7 +45,12 @@ impl Relay {
                 pass(far, near, Arc::clone(&of));
             }
         });
-        Relay { at, line }
+        Relay { at, line, to }
+    }
+
+    /// From the next connection on it leads to this address and port.
+    pub fn lead(&self, to: &str) {
+        *self.to.lock().unwrap() = to.to_owned();
     }
 
     pub fn set(&self, line: Line) {

@@ -112,8 +112,8 @@ const SLOW: &str = "[[subdevice]]\nkind = \"sgdv\"\ncount = 3\nservo = { transit
 #[test]
 fn a_drive_that_is_too_slow_is_told_with_the_key_that_gives_it_longer() {
     for (timeouts, told, key) in [
-        ("", "PRE-OP not reached within 3s", "pre_op_ms"),
-        ("pre_op_ms = 12_000, init_ms = 12_000", "still in PRE-OP after 10.0", "safe_op_op_ms"),
+        ("", "PRE-OP not reached within 3 s", "pre_op_ms"),
+        ("pre_op_ms = 12_000, init_ms = 12_000", "still in PRE-OP after 10 s", "safe_op_op_ms"),
     ] {
         let plan = plan_with(&[&format!("drive_defaults.timeouts = {{ {timeouts} }}")]);
         let (link, clock) = in_process(SegmentFile::parse(SLOW).unwrap().build(Path::new(".")).unwrap());

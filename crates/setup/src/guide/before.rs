@@ -7,7 +7,7 @@ use omnibase_ethercat::wire::Clock;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 
 use super::at_start::{JOG_WRITES, MAX_TORQUE};
-use super::reading::{AnyBus, number};
+use super::reading::{AnyBus, held, number};
 use super::{Guide, SetupError, has_its_numbers, is_it, seen, who};
 use crate::record::{FoundDrive, Record};
 
@@ -20,24 +20,31 @@ impl<C: Clock> Guide<'_, C> {
         !self.are_placed && alike.any(|other| known(other) != known(drive))
     }
 
-    /// What jogs wrote over is as it was found.
+    /// What jogs wrote over is as it was found; of whom it isn't, that is told and stays remembered.
     pub(super) fn put_back(&mut self, bus: &mut AnyBus<C>) {
-        let mut failed = Vec::new();
+        let mut failed: Vec<(FoundDrive, String)> = Vec::new();
+        let mut fail = |drive: &FoundDrive, words| failed.push((drive.clone(), words));
         for drive in &self.record.drives {
             let now = bus.subdevices().get(usize::from(drive.position)).map(seen);
             if !now.is_some_and(|now| is_it(drive, &now)) {
-                failed.push(format!(
-                    "SubDevice {} isn't the drive that was jogged: max torque, mode and synchronisation of that one are as the jog left them",
-                    drive.position
-                ));
+                fail(
+                    drive,
+                    format!(
+                        "SubDevice {} isn't the drive that was jogged: max torque, mode and synchronisation of that one are as the jog left them",
+                        drive.position
+                    ),
+                );
                 continue;
             }
             if self.is_doubtful(drive) {
-                failed.push(format!(
-                    "SubDevice {}: nobody said that it is where it was when it was jogged, and one that looks alike held something else: max \
+                fail(
+                    drive,
+                    format!(
+                        "SubDevice {}: nobody said that it is where it was when it was jogged, and one that looks alike held something else: max \
                      torque, mode and synchronisation are as the jog left them",
-                    drive.position
-                ));
+                        drive.position
+                    ),
+                );
                 continue;
             }
             for (index, subindex, was) in &drive.was {
@@ -48,7 +55,14 @@ impl<C: Clock> Guide<'_, C> {
                     continue;
                 }
                 if let Err(error) = bus.sdo_write(drive.position, object, was) {
-                    failed.push(format!("{object} was {}, and can't be put back: {error}", number(was)));
+                    let was = number(was);
+                    fail(
+                        drive,
+                        format!(
+                            "SubDevice {}: {object} was {was}, and can't be put back: {error}",
+                            drive.position
+                        ),
+                    );
                 }
             }
         }
@@ -56,10 +70,13 @@ impl<C: Clock> Guide<'_, C> {
             let has = |object| drive.was.iter().any(|(index, subindex, _)| (*index, *subindex) == object);
             let its = self.record.jogged.iter().filter(|one| has_its_numbers(one, drive));
             if its.flat_map(|one| &one.was).any(|(index, subindex, _)| !has((*index, *subindex))) {
-                failed.push(format!(
-                    "SubDevice {}: not all that it held before it was jogged is known, so that is as the jog left it",
-                    drive.position
-                ));
+                fail(
+                    drive,
+                    format!(
+                        "SubDevice {}: not all that it held before it was jogged is known, so that is as the jog left it",
+                        drive.position
+                    ),
+                );
             }
         }
         let mut told = BTreeSet::new();
@@ -71,16 +88,56 @@ impl<C: Clock> Guide<'_, C> {
             };
             let is_there = places(&self.record.drives) >= places(&self.record.jogged);
             if !is_there && told.insert((one.vendor_id, one.product_code, one.serial)) {
-                failed.push(format!(
-                    "{} was jogged and isn't among the drives that were found: its max torque, mode and synchronisation are as the jog left them",
-                    who(one)
-                ));
+                fail(
+                    one,
+                    format!(
+                        "{} was jogged and isn't among the drives that were found: its max torque, mode and synchronisation are as the jog left them",
+                        who(one)
+                    ),
+                );
             }
         }
-        if failed.is_empty() {
-            self.record.jogged.clear();
+        self.record.jogged.retain(|one| failed.iter().any(|(drive, _)| has_its_numbers(drive, one)));
+        failed.into_iter().for_each(|(_, text)| self.tell_found(text));
+    }
+
+    /// What earlier jogs left is put back before anything else is done; where it can't be, somebody says whether it stays remembered.
+    /// `false` where he leaves.
+    pub(super) fn settle(&mut self) -> Result<bool, SetupError> {
+        if self.record.jogged.is_empty() {
+            return Ok(true);
         }
-        failed.into_iter().for_each(|text| self.tell_found(text));
+        let mut bus = self.bus()?;
+        self.put_back(&mut bus);
+        self.kept();
+        let mut asked: Vec<FoundDrive> = Vec::new();
+        for one in self.record.jogged.clone() {
+            if asked.iter().any(|other| has_its_numbers(other, &one)) {
+                continue;
+            }
+            let text = format!(
+                "{}: `remember` what it held before it was jogged until that can be put back, or `forget` it (it is replaced for good, or was \
+                 set by its maker's tool)?",
+                who(&one)
+            );
+            let choices = ["remember", "forget"].map(str::to_owned);
+            let Ok(said) = self.choose("forget".to_owned(), text, &choices) else { return Ok(false) };
+            if said == choices[1] {
+                self.forget(&mut bus, &one);
+            }
+            asked.push(one);
+        }
+        Ok(true)
+    }
+
+    /// What a drive holds now is its own, whatever it held before.
+    fn forget(&mut self, bus: &mut AnyBus<C>, one: &FoundDrive) {
+        self.record.jogged.retain(|other| !has_its_numbers(one, other));
+        for drive in self.record.drives.iter_mut().filter(|drive| has_its_numbers(one, drive)) {
+            drive.was = held(bus, &self.plan, drive);
+        }
+        self.record.note(format!("forgotten, as was said: what {} held before it was jogged", who(one)));
+        self.kept();
     }
 
     /// The same at the end, where a jog was made since the bus was seen last; whoever isn't there now is told what is left.

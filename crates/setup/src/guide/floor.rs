@@ -332,8 +332,7 @@ impl<C: Clock> Guide<'_, C> {
             .map_err(|error| in_words(&error))?;
         warnings.iter().for_each(|words| self.hand.tell(words));
         session.reach_op(&AtomicBool::new(false)).map_err(|error| in_words(&error))?;
-        let mut robot =
-            Robot::build(&plan, &registry).map_err(|error| SetupError::Bus(format!("{error:?}")))?;
+        let mut robot = Robot::build(&plan, &registry).map_err(|error| in_words(&error))?;
         let period_s = 1e-9 * plan.bus.cycle_ns as f64;
         let cycles_of = |seconds: f64| (seconds / period_s).ceil() as u32;
         let [beat, first_beats] = self.wished.key_s.map(cycles_of);
@@ -401,8 +400,7 @@ impl<C: Clock> Guide<'_, C> {
             is_acknowledged |= acknowledges;
             if cycles > cycles_of(if was_held { WAITING_S + LONGEST_S } else { WAITING_S }) {
                 if was_held {
-                    let (phase, answer) = (record.phase, record.answer);
-                    drive.words = format!("not there after {LONGEST_S} s: {phase:?}, {answer:?}");
+                    drive.words = format!("not there after {LONGEST_S} s: {}", record.phase.name());
                 }
                 break;
             }

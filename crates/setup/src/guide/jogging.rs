@@ -333,7 +333,7 @@ impl<C: Clock> Guide<'_, C> {
                         .record
                         .found(format!("{wheel}: enabled without a speed it moved {turns:.3} turns")),
                     JogEnd::NeverHeld | JogEnd::LetGo => {}
-                    end => self.record.found(format!("{wheel}: enabling it: {end:?}")),
+                    end => self.record.found(format!("{wheel}: enabling it: {end}")),
                 }
                 let text =
                     format!("{wheel} wasn't enabled for {ENABLED_S} s at rest: again, or go on without?");

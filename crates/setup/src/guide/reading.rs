@@ -8,6 +8,7 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, sii};
 use omnibase_ethercat::{Bus, BusOptions};
 
+use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 
 use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE, STORE};
@@ -61,15 +62,7 @@ impl<C: Clock> Guide<'_, C> {
             found.told_gear = ratio(0x6091).filter(|gear| TOLD_GEAR.contains(gear));
             found.rated_torque_nm =
                 read(0x6076, 0).filter(|torque| *torque > 0).map(|torque| f64::from(torque) / 1000.0);
-            let at_start = AtStart::of_drive(&self.plan, &found);
-            for (index, subindex) in JOG_WRITES.into_iter().chain(at_start.objects()) {
-                let object = ObjectAddress::new(index, subindex);
-                let Ok(bytes) = bus.sdo_read(position, object, SdoAccess::Entry) else { continue };
-                // None at all is what a jog that was cut off left there.
-                if index != MAX_TORQUE || bytes.iter().any(|byte| *byte != 0) {
-                    found.was.push((index, subindex, bytes));
-                }
-            }
+            found.was = held(bus, &self.plan, &found);
             drives.push(found);
         }
         drives
@@ -311,6 +304,24 @@ impl<C: Clock> Guide<'_, C> {
         }
         Ok(true)
     }
+}
+
+/// What a jog would write over in a drive, as it is now.
+pub(super) fn held<C: Clock>(
+    bus: &mut AnyBus<C>,
+    plan: &RobotPlan,
+    drive: &FoundDrive,
+) -> Vec<(u16, u8, Vec<u8>)> {
+    let mut held = Vec::new();
+    for (index, subindex) in JOG_WRITES.into_iter().chain(AtStart::of_drive(plan, drive).objects()) {
+        let object = ObjectAddress::new(index, subindex);
+        let Ok(bytes) = bus.sdo_read(drive.position, object, SdoAccess::Entry) else { continue };
+        // None at all is what a jog that was cut off left there.
+        if index != MAX_TORQUE || bytes.iter().any(|byte| *byte != 0) {
+            held.push((index, subindex, bytes));
+        }
+    }
+    held
 }
 
 /// Whether a drive can be asked for it now, and may keep it.

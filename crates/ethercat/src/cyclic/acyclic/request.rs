@@ -5,6 +5,7 @@ use core::time::Duration;
 
 use crate::found::Found;
 use crate::mailbox::{MailboxError, MailboxRequest};
+use crate::wire::spoken;
 
 /// What a request wants.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -78,7 +79,7 @@ pub enum AcyclicError {
     #[error(transparent)]
     Mailbox(#[from] MailboxError),
     /// Nobody took the register access, or no frame came back with it.
-    #[error("register 0x{register:04x} was not accessed within {after:?}: {}", .found.against(1))]
+    #[error("register 0x{register:04x} was not accessed within {}: {}", spoken(*.after), .found.against(1))]
     Register {
         /// First register.
         register: u16,

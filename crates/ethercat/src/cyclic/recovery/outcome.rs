@@ -4,13 +4,13 @@ use core::time::Duration;
 
 use crate::eeprom::EepromError;
 use crate::start_up::StartUpError;
-use crate::wire::AlStatusCode;
+use crate::wire::{AlStatusCode, spoken};
 
 /// Why a SubDevice could not be brought back.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum RecoveryError {
     /// Nobody answers at its place.
-    #[error("nobody answers at position {position} after {after:?}")]
+    #[error("nobody answers at position {position} after {}", spoken(*.after))]
     NotThere {
         /// Position.
         position: u16,
@@ -105,7 +105,7 @@ pub enum RecoveryError {
     #[error(transparent)]
     StartUp(#[from] StartUpError),
     /// Its clock did not come near enough to the reference.
-    #[error("the clock of SubDevice {position} is {difference_ns} ns from the reference after {after:?}")]
+    #[error("the clock of SubDevice {position} is {difference_ns} ns from the reference after {}", spoken(*.after))]
     NotLocked {
         /// Position.
         position: u16,

@@ -34,7 +34,7 @@ fn what_was_there_before_the_first_jog_is_remembered_where_drives_are_found_agai
         guide.leave_as_found();
         let words = guide.record.findings.join("\n");
         assert!(words.contains("SubDevice 2 isn't the drive that was jogged"), "{words}");
-        assert_eq!(guide.record.jogged.len(), 3);
+        assert_eq!(guide.record.jogged.len(), 1, "the others have what they held");
         guide.record.drives[2].serial = serial;
         guide.leave_as_found();
         assert_eq!(guide.record.jogged, []);
@@ -162,14 +162,15 @@ fn a_drive_in_the_place_of_a_jogged_one_is_remembered_and_that_one_is_told() {
         guide.leave_as_found();
         let words = guide.record.findings.join("\n");
         assert!(words.contains("serial 12345 was jogged and isn't among the drives"), "{words}");
-        assert!(guide.record.jogged.contains(&gone));
+        assert_eq!(guide.record.jogged, [gone], "the others have what they held");
         // What nobody knows isn't put back, so it stays remembered.
-        guide.record.jogged.retain(|one| *one != gone);
+        guide.operational().unwrap();
+        guide.record.jogged.remove(0);
         let was = guide.record.drives[0].was.clone();
         guide.record.drives[0].was.retain(|(index, ..)| *index != at_start::MAX_TORQUE);
         guide.leave_as_found();
         assert!(guide.record.findings.join("\n").contains("SubDevice 0: not all that it held before"));
-        assert_eq!(guide.record.jogged.len(), 3);
+        assert_eq!(guide.record.jogged.len(), 1);
         guide.record.drives[0].was = was;
         guide.leave_as_found();
         assert_eq!(guide.record.jogged, []);
@@ -298,4 +299,80 @@ fn one_that_is_gone_of_those_that_look_alike_stays_remembered() {
         let now = bus.sdo_read(position, ObjectAddress::new(at_start::MAX_TORQUE, 0), SdoAccess::Entry);
         assert_eq!(now.unwrap(), was.to_le_bytes());
     }
+}
+
+/// A drive that was jogged is replaced for good: what it held is remembered until somebody has it forgotten, and never told again then.
+/// Those that are there have back what they held before anybody is asked.
+#[test]
+fn a_drive_that_is_gone_is_told_until_somebody_has_it_forgotten() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let gone = FoundDrive { serial: 12_345, position: 2, ..FoundDrive::default() };
+    let mut record = Record { jogged: vec![gone.clone()], ..Record::default() };
+    with_record(BASE, record.clone(), &mut open, &mut Nobody, |guide| {
+        guide.find().unwrap();
+        // Killed in a jog.
+        guide.operational().unwrap();
+        record.jogged = guide.record.jogged.clone();
+    });
+    assert_ne!(max_torques(&link, &clock), [3000; 3]);
+    let is_told =
+        |record: &Record| record.findings.iter().any(|words| words.contains("serial 12345 was jogged"));
+    for (hand, is_kept) in
+        [(&mut Nobody as &mut dyn Hand, true), (&mut Says("remember"), true), (&mut Says("forget"), false)]
+    {
+        record.findings.clear();
+        with_record(BASE, record.clone(), &mut open, hand, |guide| {
+            assert_eq!(guide.run().unwrap(), Ended::Left(None));
+            let Record { jogged, log, findings, .. } = &guide.record;
+            assert_eq!(*jogged, if is_kept { vec![gone.clone()] } else { Vec::new() });
+            let by_wish: Vec<&String> =
+                log.iter().filter(|line| line.starts_with("forgotten, as was said: ")).collect();
+            assert_eq!(by_wish.len(), usize::from(!is_kept), "{log:?}");
+            assert!(is_told(&guide.record) && findings.len() == 1, "once: {findings:?}");
+            record = guide.record.clone();
+        });
+        assert_eq!(max_torques(&link, &clock), [3000; 3]);
+    }
+    record.findings.clear();
+    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
+        assert_eq!(guide.run().unwrap(), Ended::Left(None));
+        assert!(!is_told(&guide.record), "{:?}", guide.record.findings);
+    });
+}
+
+/// Nobody knows what each of drives that look alike held, and the maker's tool set them: once that is said, what they hold is their own.
+#[test]
+fn what_the_makers_tool_set_is_a_drives_own_once_somebody_says_so() {
+    let text = "[[subdevice]]\nkind = \"servo\"\ncount = 3\n";
+    let segment = omnibase_ethercat_sim::SegmentFile::parse(text).unwrap();
+    let segment = segment.build(std::path::Path::new(".")).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let mut jogged = Vec::new();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        jogged = guide.record.jogged.clone();
+    });
+    for (drive, torque) in jogged.iter_mut().zip([1100_u16, 1200, 1300]) {
+        drive.was.iter_mut().find(|was| was.0 == at_start::MAX_TORQUE).unwrap().2 =
+            torque.to_le_bytes().to_vec();
+    }
+    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+    let mut bus = by_tool(&link, &clock);
+    for (position, value) in (0..).zip([1900_u16, 2000, 2100]) {
+        bus.sdo_write(position, torque, &value.to_le_bytes()).unwrap();
+    }
+    drop(bus);
+    let record = Record { jogged, ..Record::default() };
+    with_record(BASE, record, &mut open, &mut Says("forget"), |guide| {
+        assert_eq!(guide.run().unwrap(), Ended::Left(None));
+        assert_eq!(guide.record.jogged, []);
+    });
+    assert_eq!(max_torques(&link, &clock), [1900, 2000, 2100]);
 }
