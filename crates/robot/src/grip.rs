@@ -44,7 +44,8 @@ const DRAWN_1_S: f64 = 5.0;
 const LEAST_SLIP_M_S: f64 = 0.05;
 /// So many standard deviations of v̂ come on top.
 const SIGMAS: f64 = 3.0;
-/// All of it counts so many times where more than three rims agree within this part of it: all slip alike, or a force is unknown.
+/// All of it counts so many times before it begins to count where more than three rims agree within this part of it, as they did before,
+/// and no gyro tells the turn: then a force is unknown, more often than all slip alike.
 const ALIKE: f64 = 1.3;
 const ALIKE_SHARE: f64 = 0.25;
 /// For how long it must be ahead, ns; and what slips grips again after as long below half of it.
@@ -110,6 +111,8 @@ pub(crate) struct Grip {
     floor: Option<Floor>,
     /// How far the rims went as those of a platform do, m.
     agreed_m: f64,
+    /// Whether a gyro tells the platform's turn.
+    is_turn_told: bool,
 }
 
 /// How the platform is meant to move.
@@ -199,6 +202,7 @@ impl Grip {
             sigma: [0.0; 3],
             felt: 0.0,
             agreed_m: 0.0,
+            is_turn_told: false,
             floor: plan
                 .grip
                 .remembered
@@ -218,6 +222,7 @@ impl Grip {
         self.periods = self.periods.saturating_add(1);
         self.wheels.iter_mut().for_each(|wheel| wheel.way_before_m = wheel.way_m);
         self.predict(time.period_s());
+        self.is_turn_told = turn_rad_s.is_some();
         if let (Some(body), Some(turn_rad_s)) = (&mut self.body, turn_rad_s) {
             (body[2], self.sigma[2]) = (turn_rad_s, 0.0);
         }
@@ -389,14 +394,16 @@ impl Grip {
         let mean_n = |mass_kg: f64| mass_kg * GRAVITY_M_S2 / self.kinematics.wheel_count() as f64;
         let missing = self.steady.if_it_slides();
         let is_alike = self.kinematics.wheel_count() > 3
+            && self.agreed_m >= AGREED_M
+            && !self.is_turn_told
             && apart_m_s.iter().all(|apart_m_s| apart_m_s.abs() < ALIKE_SHARE * LEAST_SLIP_M_S);
-        let times = if is_alike { ALIKE } else { 1.0 };
         let (mut is_over, mut is_counted) = (false, false);
         self.felt = 0.0;
         for (at, (wheel, (row, rim_share))) in self.wheels.iter_mut().zip(rims).enumerate() {
             let load = self.loads.of(at, dynamics.centre_m());
             let sigma_m_s = omnibase_platform::length([row[0], row[1]]) * along_m_s + row[2].abs() * sh;
-            let least_m_s = times * (LEAST_SLIP_M_S + SIGMAS * sigma_m_s);
+            let begins = is_alike && !wheel.slips && wheel.doubted_ns == 0;
+            let least_m_s = if begins { ALIKE } else { 1.0 } * (LEAST_SLIP_M_S + SIGMAS * sigma_m_s);
             let rubs_n = load * dynamics.friction_n[0] * (wheel.rim_m_s / DRY_M_S).clamp(-1.0, 1.0);
             let force_n = wheel.force_n - rubs_n - self.wheel_kg * wheel.gains_m_s2;
             // Its motor's direction: what a spinning wheel gives the floor is small.

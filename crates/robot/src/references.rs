@@ -30,7 +30,7 @@ use crate::stages::{PlannedFor, Reference};
 const CORNER_RAD: f64 = std::f64::consts::FRAC_PI_6;
 
 /// Most turns of a shape that are planned as fast as can be: its memory is a megabyte for a hundred of them.
-const MOST_TURNS: f64 = 1e5;
+const MOST_TURNS: f64 = 1e4;
 
 /// The keys of the fastest motion's speeds: the greatest ones, and those with which ends are passed.
 const SPEEDS: [&str; 4] = ["speed_m_s", "turn_speed_rad_s", "start_speed_m_s", "end_speed_m_s"];

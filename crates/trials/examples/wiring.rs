@@ -8,7 +8,7 @@ use omnibase_trials::wiring::{Case, Fault, LAWS, PATHS};
 
 fn main() {
     let (laws, mut words) = asked(&LAWS);
-    let gyro = words.iter().any(|word| word == "gyro");
+    let gyro = words.iter().any(|word| word == "gyro").then_some(1.002);
     words.retain(|word| word != "gyro");
     let robots: u64 = words.first().map_or(100, |number| number.parse().expect("a number of robots"));
     println!(

@@ -76,8 +76,8 @@ pub struct Case {
     pub estimate: f64,
     /// More of the table `simulation` and what follows it.
     pub world: String,
-    /// Whether it has a gyro.
-    pub gyro: bool,
+    /// What part of its turn its gyro tells, where it has one.
+    pub gyro: Option<f64>,
     /// A push on its way.
     pub push: Option<Push>,
     /// When its payload becomes another, s after the start, and what part of the first one it is then.
@@ -121,7 +121,7 @@ impl Case {
     pub fn plain(robot: &'static str, law: &'static str, path: &'static str, fault: Fault) -> Case {
         let world = String::new();
         let (push, loaded) = (None, None);
-        Case { robot, law, path, fault, payload_kg: 0.0, estimate: 1.0, world, gyro: false, push, loaded }
+        Case { robot, law, path, fault, payload_kg: 0.0, estimate: 1.0, world, gyro: None, push, loaded }
     }
 
     /// A robot that is as its file says, by a seed: mass and what is known of it, load, floor, patches, tread, slope, pushes and
@@ -164,7 +164,7 @@ impl Case {
         });
         let loaded = (drawn.below(4) == 0).then(|| (drawn.between(1.0, 12.0), drawn.between(0.2, 2.0)));
         let estimate = drawn.spread(0.6, 1.6);
-        Case { robot, law, path, fault: Fault::None, payload_kg, estimate, world, gyro: false, push, loaded }
+        Case { robot, law, path, fault: Fault::None, payload_kg, estimate, world, gyro: None, push, loaded }
     }
 
     fn text(&self) -> String {
@@ -188,11 +188,10 @@ impl Case {
                 "kind = \"path\"\npoints = [[0, 0, 0, 0], [4, 2, 0, 0], [8, 2, 2, 0], [12, 0, 2, 0], [16, 0, 0, 0]]"
             }
         };
-        let gyro = if self.gyro {
-            format!("[estimator]\nkind = \"fused\"\n{GYRO}[safety]\ngyro_input = \"imu.turn\"\n")
-        } else {
-            String::new()
-        };
+        let gyro = self.gyro.map_or_else(String::new, |tells| {
+            let told = GYRO.replace("scale_error = 0.002", &format!("scale_error = {:?}", tells - 1.0));
+            format!("[estimator]\nkind = \"fused\"\n{told}[safety]\ngyro_input = \"imu.turn\"\n")
+        });
         format!("{text}{limited}{}\n[reference]\n{path}\n{gyro}", self.world)
     }
 

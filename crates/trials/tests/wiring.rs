@@ -15,7 +15,7 @@ const FAR_M: f64 = 1.0;
 fn named(
     robot: &'static str,
     law: &'static str,
-    gyro: bool,
+    gyro: Option<f64>,
     is_it: impl Fn(&Fault) -> bool,
 ) -> Vec<(Fault, &'static str, Named)> {
     let wheels = if robot == "bmm" { 3 } else { 4 };
@@ -29,7 +29,7 @@ fn named(
 fn an_encoder_against_its_motor_is_named_before_the_robot_moves_a_hand() {
     for robot in ["bmm", "mecanum"] {
         for law in LAWS {
-            for (fault, path, named) in named(robot, law, false, |fault| matches!(fault, Fault::Encoder(_))) {
+            for (fault, path, named) in named(robot, law, None, |fault| matches!(fault, Fault::Encoder(_))) {
                 let Fault::Encoder(wheel) = fault else { continue };
                 // The BMM's first wheel stands while it drives along x.
                 if (robot, path, wheel) == ("bmm", "square", 0) {
@@ -46,7 +46,7 @@ fn an_encoder_against_its_motor_is_named_before_the_robot_moves_a_hand() {
 fn a_wheel_of_four_that_is_wired_backwards_is_named() {
     let (mut told, mut right, mut near, mut all) = (0, 0, 0, 0);
     for law in LAWS {
-        for (fault, path, named) in named("mecanum", law, false, |fault| matches!(fault, Fault::Turned(_))) {
+        for (fault, path, named) in named("mecanum", law, None, |fault| matches!(fault, Fault::Turned(_))) {
             let Fault::Turned(wheel) = fault else { continue };
             println!("{law} {path} {fault:?}: {named:?}");
             let is_named = named.reason == SafetyReason::Wiring;
@@ -64,7 +64,7 @@ fn a_wheel_of_four_that_is_wired_backwards_is_named() {
 fn a_gyro_names_a_wheel_of_three_that_is_wired_backwards() {
     for law in ["closed_loop_speed", "adaptive_torque"] {
         let mut near = 0;
-        for (fault, path, named) in named("bmm", law, true, |fault| matches!(fault, Fault::Turned(_))) {
+        for (fault, path, named) in named("bmm", law, Some(1.0), |fault| matches!(fault, Fault::Turned(_))) {
             println!("{law} {path} {fault:?}: {named:?}");
             let Fault::Turned(wheel) = fault else { continue };
             // The first wheel stands while it drives along x.
@@ -82,7 +82,7 @@ fn a_gyro_names_a_wheel_of_three_that_is_wired_backwards() {
 
 #[test]
 fn a_gyro_names_two_wheels_of_four_that_are_swapped_where_that_leads_astray() {
-    let swaps = named("mecanum", "closed_loop_speed", true, |fault| matches!(fault, Fault::Swapped(..)));
+    let swaps = named("mecanum", "closed_loop_speed", Some(1.0), |fault| matches!(fault, Fault::Swapped(..)));
     for (fault, path, named) in &swaps {
         println!("{path} {fault:?}: {named:?}");
         let is_stopped = matches!(named.reason, SafetyReason::Wiring | SafetyReason::WheelSlip);
@@ -93,10 +93,35 @@ fn a_gyro_names_two_wheels_of_four_that_are_swapped_where_that_leads_astray() {
 }
 
 #[test]
+fn a_gyro_that_is_wrong_itself_names_no_wheel() {
+    for (robot, law) in [("bmm", "closed_loop_speed"), ("mecanum", "adaptive_torque")] {
+        for path in PATHS {
+            for tells in [0.0, -1.0] {
+                let case = Case { gyro: Some(tells), ..Case::plain(robot, law, path, Fault::None) };
+                let named = case.ride(FAR_M);
+                println!("{robot} {path} {tells}: {named:?}");
+                assert_ne!(named.reason, SafetyReason::Wiring, "{robot} {path} {tells}: {named:?}");
+            }
+        }
+    }
+}
+
+#[test]
+fn wheels_that_turn_in_the_air_are_not_said_to_be_swapped() {
+    let world = "static_friction = 1e-3\nsliding_friction = 1e-3\n".to_owned();
+    for path in ["tangent", "spiral"] {
+        let plain = Case::plain("mecanum", "closed_loop_speed", path, Fault::None);
+        let named = Case { gyro: Some(1.0), world: world.clone(), ..plain }.ride(FAR_M);
+        println!("{path}: {named:?}");
+        assert_ne!(named.reason, SafetyReason::Wiring, "{path}: {named:?}");
+    }
+}
+
+#[test]
 fn no_robot_that_is_as_its_file_says_is_named() {
     let mut wrong = 0;
     for seed in 1..=ROBOTS {
-        let case = Case { gyro: seed % 2 == 0, ..Case::seeded(seed) };
+        let case = Case { gyro: (seed % 2 == 0).then_some(1.0), ..Case::seeded(seed) };
         let named = case.ride(f64::INFINITY);
         if named.is_named() {
             wrong += 1;

@@ -543,7 +543,7 @@ fn motions_that_nobody_sees_the_end_of_are_refused() {
     // As long as the limits make it, and as many turns.
     assert!(show(&problems(&(circle.clone() + "turns = 1e15\n"))).contains("expected at most 1000000 s"));
     let fastest = format!("{circle}timing = \"fastest\"\nturns = 1e15\n");
-    assert!(show(&problems(&fastest)).contains("expected at most 100000 for the fastest motion"));
+    assert!(show(&problems(&fastest)).contains("expected at most 10000 for the fastest motion"));
     let slow = circle.replace("speed_m_s = 1.0", "speed_m_s = 1e-12");
     assert_ne!(slow, circle);
     assert!(show(&problems(&slow)).contains("expected at most 1000000 s"));

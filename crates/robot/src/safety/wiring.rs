@@ -7,6 +7,7 @@
 //! What can't be seen from within stands in `docs/control.md`.
 
 mod supposition;
+mod turn;
 
 use crate::config::RobotPlan;
 use crate::decay::Decay;
@@ -14,17 +15,16 @@ use crate::grip::FirstEstimates;
 use crate::signals::{Exchange, MAX_WHEELS, ReferenceStatus};
 use crate::stages::SafetyView;
 use supposition::{Platform, Rims, Supposition, Wiring};
+use turn::TurnWatch;
 
 /// Three wheels never work against each other: wrong wires would show in inertia alone, as wheels do that slip a little. A gyro tells
-/// them.
+/// them (`turn.rs`).
 const LEAST_WHEELS: usize = 4;
 /// Low-pass on rim speeds and forces, 1/s: slower than treads swing.
 const LOW_PASS_1_S: f64 = 20.0;
 /// A supposition is named from this likelihood on, over the file's and over the next one's, as its logarithm.
 const SCORE: f64 = 15.0;
 const MARGIN: f64 = 3.0;
-/// From here on it is worth waiting for.
-const BEGINS: f64 = 2.0;
 /// From this on below the file's it is out of the question: wires don't change on the way, and whatever happens later has
 /// another cause (A. Wald, *Sequential Analysis*, 1947).
 const REFUTED: f64 = -10.0;
@@ -40,11 +40,6 @@ const LEFT: f64 = 0.1;
 const CONTRADICTION_M_S: f64 = 0.02;
 const CONTRADICTION_LEFT: f64 = 0.3;
 const PROVEN_LEFT: f64 = 0.1;
-/// The same of what a gyro tells, in squares of what it may differ by from the turn that the wheels make: so much the file's wiring leaves at
-/// least, and other wires at most, also of the file's.
-const TURN_MISFIT: f64 = 4.0;
-const TURN_LEFT: f64 = 1.0;
-const TURN_LEFT_SHARE: f64 = 0.1;
 /// For so long they must explain it, s: a slip is over by then, or stops the robot. Proven, none lasts so long.
 const LASTING_S: f64 = 0.15;
 const PROVEN_S: f64 = 0.02;
@@ -60,10 +55,10 @@ const LONGEST_GAP: u32 = 10;
 /// The watch: in each cycle it looks at one supposition.
 #[derive(Clone, Debug)]
 pub(super) struct WiringWatch {
-    /// Whether there are wheels enough, and every drive tells its torque: without that forces say nothing.
+    /// Whether there are wheels enough, and every drive tells its torque: without that forces tell nothing.
     is_told: bool,
-    /// The input that tells the platform's turn, by its place.
-    gyro_input: Option<usize>,
+    /// Of a robot that has a gyro, which input tells it, and what it tells; where no drive tells its torque nobody knows slip from it.
+    by_turn: Option<(usize, TurnWatch)>,
     platform: Platform,
     radius_m: [f64; MAX_WHEELS],
     suppositions: Box<[Supposition]>,
@@ -89,14 +84,18 @@ impl WiringWatch {
         let ways = std::iter::once(Wiring::AsTold)
             .chain((0..wheels).map(Wiring::Turned))
             .chain(pairs.map(|(one, other)| Wiring::Swapped(one, other)));
+        let suppositions: Box<[Supposition]> =
+            ways.map(|wiring| Supposition::new(wiring, &platform)).collect();
+        let turn = || TurnWatch::new(suppositions[1..].iter().map(|other| other.wiring));
+        let gyro_input = plan.safety.gyro_input.filter(|_| plan.tells_torques());
         let mut radius_m = [0.0; MAX_WHEELS];
         for (radius_m, wheel) in radius_m.iter_mut().zip(plan.kinematics.wheels()) {
             *radius_m = wheel.radius_m;
         }
         WiringWatch {
             is_told: wheels >= LEAST_WHEELS && plan.tells_torques(),
-            gyro_input: plan.safety.gyro_input,
-            suppositions: ways.map(|wiring| Supposition::new(wiring, &platform)).collect(),
+            by_turn: gyro_input.map(|input| (input, turn())),
+            suppositions,
             platform,
             radius_m,
             next: 0,
@@ -113,6 +112,9 @@ impl WiringWatch {
     /// Nothing was measured yet.
     pub(super) fn reset(&mut self) {
         (self.periods, self.rims) = (None, Rims::default());
+        if let Some((_, turn)) = &mut self.by_turn {
+            turn.reset();
+        }
         self.begin_anew();
     }
 
@@ -141,18 +143,16 @@ impl WiringWatch {
     pub(super) fn look(&mut self, view: &SafetyView<'_>) {
         self.periods = self.periods.map(|periods| periods.saturating_add(1));
         let is_whole = || view.measurements.present().iter().all(|drive| drive.is_finite());
-        if !(self.is_told || self.gyro_input.is_some()) || view.exchange != Exchange::Complete || !is_whole()
-        {
+        if !(self.is_told || self.by_turn.is_some()) || view.exchange != Exchange::Complete || !is_whole() {
             return;
         }
         let periods = self.periods.replace(0).filter(|periods| *periods <= LONGEST_GAP);
         let span_s = f64::from(periods.unwrap_or(1).max(1)) * view.time.period_s();
         let keep = if periods.is_some() { self.low_pass.kept(span_s) } else { 0.0 };
-        let Rims { speed_m_s, gain_m_s2, force_n, turn_rad_s } = &mut self.rims;
-        let told_rad_s = self.gyro_input.and_then(|input| view.signals.believed(input));
-        *turn_rad_s = told_rad_s
-            .filter(|told_rad_s| told_rad_s.is_finite())
-            .map(|told_rad_s| keep * turn_rad_s.unwrap_or(told_rad_s) + (1.0 - keep) * told_rad_s);
+        if let Some((input, turn)) = &mut self.by_turn {
+            turn.hear(view.signals.believed(*input), keep);
+        }
+        let Rims { speed_m_s, gain_m_s2, force_n } = &mut self.rims;
         let mut stands = true;
         for (wheel, drive) in view.measurements.present().iter().enumerate() {
             let (before_m_s, radius_m) = (speed_m_s[wheel], self.radius_m[wheel]);
@@ -169,7 +169,13 @@ impl WiringWatch {
             }
         } else if view.setpoint.status == ReferenceStatus::Moving {
             self.stood_ns = 0;
-            self.suppose(view.time.period_s());
+            let period_s = view.time.period_s();
+            if self.is_told {
+                self.suppose(period_s);
+            }
+            if let Some((_, turn)) = &mut self.by_turn {
+                turn.look(&self.platform, &self.rims, period_s);
+            }
         }
     }
 
@@ -181,10 +187,7 @@ impl WiringWatch {
         let against = (turn != 0).then_some(of_file);
         let supposition = &mut self.suppositions[turn];
         if supposition.score > REFUTED {
-            if self.is_told {
-                supposition.look(&self.platform, &self.rims, span_s, against);
-            }
-            supposition.look_at_turn(&self.platform, &self.rims, span_s);
+            supposition.look(&self.platform, &self.rims, span_s, against);
         }
         // Never 0 again before all begins anew.
         self.next = turn + 1;
@@ -199,48 +202,30 @@ impl WiringWatch {
 
     /// The wheel that is the first to be looked at, where the wires are wrong, and for how long that must last, s.
     fn judge(&self) -> Option<(usize, f64)> {
+        let of_file = self.suppositions[0].misfit;
         let rest = &self.suppositions[1..];
         let best = rest.iter().max_by(|one, other| one.score.total_cmp(&other.score))?;
+        let (wheel, least) = match best.wiring {
+            Wiring::AsTold => return None,
+            Wiring::Turned(wheel) => (wheel, TURNED_MISFIT),
+            Wiring::Swapped(wheel, _) => (wheel, SWAPPED_MISFIT),
+        };
         let is_swap = matches!(best.wiring, Wiring::Swapped(..));
         // Which two are swapped can't be told on some layouts; that two are can.
         let others = rest.iter().filter(|other| {
             other.wiring != best.wiring && !(is_swap && matches!(other.wiring, Wiring::Swapped(..)))
         });
         let second = others.map(|other| other.score).fold(0.0, f64::max);
-        let by_turn = self.is_told_by_turn(best);
         let is_clear = best.score > SCORE && best.score - second > MARGIN;
-        let lasting_s = if by_turn { Some(PROVEN_S) } else { self.told_by_forces_s(best) };
-        let wheel = match best.wiring {
-            Wiring::AsTold => return None,
-            Wiring::Turned(wheel) | Wiring::Swapped(wheel, _) => wheel,
-        };
-        lasting_s.filter(|_| is_clear).map(|lasting_s| (wheel, lasting_s))
-    }
-
-    /// Whether other wires explain the turn that a gyro tells, which the file's don't.
-    fn is_told_by_turn(&self, other: &Supposition) -> bool {
-        let of_file = self.suppositions[0].turn_misfit;
-        self.rims.turn_rad_s.is_some()
-            && of_file > TURN_MISFIT
-            && other.turn_misfit < TURN_LEFT.min(TURN_LEFT_SHARE * of_file)
-    }
-
-    /// For how long other wires must explain the wheels' forces to be believed, s, where they do and the file's don't.
-    fn told_by_forces_s(&self, other: &Supposition) -> Option<f64> {
-        let Supposition { misfit: of_file, contradiction, .. } = self.suppositions[0];
-        let least = match other.wiring {
-            Wiring::AsTold => return None,
-            Wiring::Turned(_) => TURNED_MISFIT,
-            Wiring::Swapped(..) => SWAPPED_MISFIT,
-        };
-        let is_explained = other.misfit < LEFT_SHARE * of_file.min((LEFT * of_file).max(1.0));
-        let left = other.contradiction / contradiction;
+        let is_explained = best.misfit < LEFT_SHARE * of_file.min((LEFT * of_file).max(1.0));
+        let contradiction = self.suppositions[0].contradiction;
+        let left = best.contradiction / contradiction;
         // Wheels that turn as a rigid platform's do say nothing of their wires: their drives see to it.
         let (is_consistent, lasting_s) = match contradiction > CONTRADICTION_M_S.powi(2) {
             true => (left < CONTRADICTION_LEFT, if left < PROVEN_LEFT { PROVEN_S } else { LASTING_S }),
             false => (true, LASTING_S),
         };
-        (self.is_told && of_file > least && is_explained && is_consistent).then_some(lasting_s)
+        (is_clear && of_file > least && is_explained && is_consistent).then_some((wheel, lasting_s))
     }
 
     /// Whether other wires may yet be why wheels slip: they explain the motion so far, or it has just begun.
@@ -248,16 +233,13 @@ impl WiringWatch {
         self.is_told && self.named.is_none() && (self.explained_s > 0.0 || self.looked_s < BEGINS_S)
     }
 
-    /// Whether a gyro's turn begins to show that a wheel is wired backwards. Swapped wheels look like what slips and turns the platform.
+    /// Whether a gyro begins to show that a wheel is wired backwards.
     pub(super) fn may_turn(&self) -> bool {
-        let is_turned = |other: &Supposition| matches!(other.wiring, Wiring::Turned(_));
-        let begins =
-            |other: &Supposition| is_turned(other) && other.score > BEGINS && other.turn_misfit < TURN_LEFT;
-        self.rims.turn_rad_s.is_some() && self.named.is_none() && self.suppositions[1..].iter().any(begins)
+        self.by_turn.as_ref().is_some_and(|(_, turn)| turn.begins_to_show())
     }
 
     /// The wheel that seems to be wired wrongly.
     pub(super) fn suspect(&self) -> Option<usize> {
-        self.named
+        self.named.or_else(|| self.by_turn.as_ref().and_then(|(_, turn)| turn.named()))
     }
 }

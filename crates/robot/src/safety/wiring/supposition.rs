@@ -5,9 +5,6 @@
 //! The likelihood of the filter's innovations says how well the supposition explains the motion (Y. Bar-Shalom, X. Rong Li, T. Kirubarajan, *Estimation with Applications to
 //! Tracking and Navigation*, 2001, section 11.6), with the tails of a Student's distribution: slip and pushes are rare and far off.
 //! Where wheels are wired as the file says, what slip explains is no misfit.
-//!
-//! A gyro, where there is one, tells how the platform turns whatever it weighs and rubs: the turn that the wheels' speeds make of
-//! it so is one more equation.
 
 use omnibase_platform::{Kinematics, MAX_WHEELS};
 
@@ -40,13 +37,6 @@ const WALK_OUTSIDE: f64 = 0.3;
 const LEAST_SLIP: f64 = 0.2;
 /// How long a misfit is remembered, s.
 const MISFIT_S: f64 = 0.3;
-/// By how much a gyro may differ from the wheels' turn: its bias, rad/s; the floor's creep and slip, over what the wheels' speeds make
-/// together; and how much later either may be told, s.
-const TURN_RAD_S: f64 = 0.03;
-const TURN_SHARE: f64 = 0.05;
-const TURN_LATE_S: f64 = 0.02;
-/// For how long what differs so stays, s.
-const TURN_NOISE_S: f64 = 0.05;
 
 /// The body's, and what acts from outside.
 const PARAMETERS: usize = BODY + 3;
@@ -57,8 +47,6 @@ pub(super) struct Rims {
     pub(super) speed_m_s: [f64; MAX_WHEELS],
     pub(super) gain_m_s2: [f64; MAX_WHEELS],
     pub(super) force_n: [f64; MAX_WHEELS],
-    /// The platform's turn by its gyro, behind the same low-pass, rad/s.
-    pub(super) turn_rad_s: Option<f64>,
 }
 
 /// What all suppositions share.
@@ -148,7 +136,7 @@ impl Wiring {
     }
 
     /// The turn that the wheels' speeds, or what they gain, make of the platform; and what they would if all added to it.
-    fn turn(self, platform: &Platform, rims: &[f64; MAX_WHEELS]) -> (f64, f64) {
+    pub(super) fn turn(self, platform: &Platform, rims: &[f64; MAX_WHEELS]) -> (f64, f64) {
         let turns = platform.twist_per_rim.iter().zip(self.rewired(rims)).map(|(twist, rim)| twist[2] * rim);
         turns.fold((0.0, 0.0), |(sum, most), turn| (sum + turn, most + turn.abs()))
     }
@@ -177,8 +165,6 @@ pub(super) struct Supposition {
     pub(super) misfit: f64,
     /// Mean square of what no motion of the platform explains of the wheels' speeds, m²/s².
     pub(super) contradiction: f64,
-    /// Mean square of what it leaves unexplained of the gyro's turn, over what that may differ by.
-    pub(super) turn_misfit: f64,
 }
 
 impl Supposition {
@@ -194,7 +180,6 @@ impl Supposition {
             score: 0.0,
             misfit: 0.0,
             contradiction: 0.0,
-            turn_misfit: 0.0,
         }
     }
 
@@ -212,25 +197,6 @@ impl Supposition {
         self.misfit = lasting(self.misfit, misfit);
         self.contradiction = lasting(self.contradiction, self.contradicts(platform, rims));
         self.score += likelihood - against.unwrap_or(likelihood);
-    }
-
-    /// Looks at the turn that a gyro tells, once in so many s.
-    pub(super) fn look_at_turn(&mut self, platform: &Platform, rims: &Rims, span_s: f64) {
-        let Some(turn_rad_s) = rims.turn_rad_s else { return };
-        let misfit = |wiring: Wiring| {
-            let (shown_rad_s, all_rad_s) = wiring.turn(platform, &rims.speed_m_s);
-            let (gain_rad_s2, _) = wiring.turn(platform, &rims.gain_m_s2);
-            let untold = TURN_RAD_S + TURN_SHARE * all_rad_s + TURN_LATE_S * gain_rad_s2.abs();
-            ((turn_rad_s - shown_rad_s) / untold).powi(2)
-        };
-        let (of_file, own) = (misfit(Wiring::AsTold), misfit(self.wiring));
-        if !(of_file.is_finite() && own.is_finite()) {
-            return;
-        }
-        let said = |far: f64| -0.5 * TAIL * (far / TAIL).ln_1p();
-        self.score += (said(own) - said(of_file)) * span_s / TURN_NOISE_S;
-        let keep = (-span_s / MISFIT_S).exp();
-        self.turn_misfit = keep * self.turn_misfit + (1.0 - keep) * own;
     }
 
     /// What no motion of the platform explains of the wheels' speeds: the mean of its squares, m²/s².
