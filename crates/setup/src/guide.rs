@@ -9,6 +9,7 @@ mod jogging;
 mod naming;
 mod operational;
 mod reading;
+mod stops;
 #[cfg(test)]
 mod tests;
 
@@ -16,6 +17,7 @@ pub use floor::Calibrated;
 
 use std::time::Duration;
 
+use omnibase_ethercat::Bus;
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{Clock, Link, LinkError};
 use omnibase_robot::Registry;
@@ -65,6 +67,9 @@ pub enum SetupError {
     /// The bus refuses.
     #[error("{0}")]
     Bus(String),
+    /// What drives hold can't be kept, so no jog writes over it.
+    #[error("what the drives hold can't be kept, so nothing is written into them: {0}")]
+    Unkept(String),
     /// An EEPROM is half-written.
     #[error("{0}. The same set-up, taken up again, makes it whole")]
     BrokenOff(String),
@@ -119,6 +124,9 @@ pub type Keep<'a> = &'a mut dyn FnMut(&Record) -> Result<(), String>;
 
 /// A way to the segment: link and clock, as often as it is asked for.
 pub type Open<'a, C> = &'a mut dyn FnMut() -> Result<(Box<dyn Link>, C), String>;
+
+/// A segment on which nothing is cyclic yet.
+pub(crate) type AnyBus<C> = Bus<Box<dyn Link>, C>;
 
 /// The set-up of one robot.
 pub struct Guide<'a, C: Clock> {

@@ -7,8 +7,8 @@ use omnibase_ethercat::wire::Clock;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 
 use super::at_start::{JOG_WRITES, MAX_TORQUE};
-use super::reading::{AnyBus, held, number};
-use super::{Guide, SetupError, has_its_numbers, is_it, seen, who};
+use super::reading::{held, number};
+use super::{AnyBus, Guide, SetupError, has_its_numbers, is_it, seen, who};
 use crate::record::{FoundDrive, Record};
 
 impl<C: Clock> Guide<'_, C> {
@@ -188,10 +188,14 @@ impl<C: Clock> Guide<'_, C> {
     }
 }
 
-/// What a drive holds now is what the next jog writes over: somebody may have set it meanwhile, or the file has more parameters. Of one
+/// What a drive holds now is what the next jog writes over: somebody may have set it meanwhile, or the file has other parameters. Of one
 /// in which an earlier jog left something, what is known stays.
 pub(super) fn see_again(jogged: &[FoundDrive], was: &mut FoundDrive, now: &mut FoundDrive) {
     let its: Vec<&FoundDrive> = jogged.iter().filter(|one| has_its_numbers(one, was)).collect();
+    if its.is_empty() {
+        was.was = std::mem::take(&mut now.was);
+        return;
+    }
     // What nobody knows was told when it was found.
     drop(recall(jogged, now));
     for (index, subindex, bytes) in std::mem::take(&mut now.was) {
@@ -199,10 +203,8 @@ pub(super) fn see_again(jogged: &[FoundDrive], was: &mut FoundDrive, now: &mut F
         // Nobody vouches that a jog didn't write it.
         let is_of_jog =
             JOG_WRITES.contains(&(index, subindex)) && !its.iter().any(|one| one.was.iter().any(is_this));
-        match was.was.iter().position(is_this) {
-            Some(place) if its.is_empty() => was.was[place].2 = bytes,
-            None if its.is_empty() || !is_of_jog => was.was.push((index, subindex, bytes)),
-            _ => {}
+        if !is_of_jog && !was.was.iter().any(is_this) {
+            was.was.push((index, subindex, bytes));
         }
     }
 }

@@ -1,0 +1,72 @@
+//! What a jog writes over, and what of it somebody may have changed or kept.
+
+use super::*;
+
+/// Left in order, then the file lost a parameter and somebody set it by the maker's tool: it stays as he set it.
+#[test]
+fn what_the_file_no_longer_has_is_not_put_back() {
+    let more = "parameters = [{ object = \"6065\", type = \"u32\", value = 77 }, ";
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let mut record = Record::default();
+    with_found(&BASE.replacen("parameters = [", more, 1), &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        guide.leave_as_found();
+        record = guide.record.clone();
+    });
+    let window = ObjectAddress::new(0x6065, 0);
+    by_tool(&link, &clock).sdo_write(1, window, &50_u32.to_le_bytes()).unwrap();
+    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
+        guide.compare().unwrap();
+        guide.operational().unwrap();
+        guide.leave_as_found();
+        assert_eq!(guide.record.findings, Vec::<String>::new());
+    });
+    let now = by_tool(&link, &clock).sdo_read(1, window, SdoAccess::Entry).unwrap();
+    assert_eq!(now, 50_u32.to_le_bytes());
+}
+
+/// What a start writes in SAFE-OP is put back as all else that a jog writes.
+#[test]
+fn what_is_written_in_safe_op_is_put_back() {
+    let more = "parameters = [{ object = \"6065\", type = \"u32\", value = 77, state = \"safe_op\" }, ";
+    let base = BASE.replacen("parameters = [", more, 1);
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let window = || {
+        let mut bus = by_tool(&link, &clock);
+        bus.sdo_read(1, ObjectAddress::new(0x6065, 0), SdoAccess::Entry).unwrap()
+    };
+    let before = window();
+    with_found(&base, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        assert_eq!(window(), 77_u32.to_le_bytes());
+        guide.leave_as_found();
+    });
+    assert_eq!(window(), before);
+}
+
+/// A disk that is full keeps nothing: a jog writes nothing over that nobody could put back.
+#[test]
+fn what_cannot_be_kept_is_not_written_over() {
+    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let (mut keep, mut back_up) = (|_: &Record| Err("no space".to_owned()), |_: u16, _: &[u8]| Ok(()));
+    let outside = Outside { hand: &mut Nobody, keep: &mut keep, back_up: &mut back_up };
+    let wished = Wished::new(BASE.to_owned());
+    let mut guide = Guide::new(wished, Record::default(), &mut open, outside).unwrap();
+    guide.find().unwrap();
+    let error = guide.operational().err().unwrap().to_string();
+    assert!(error.contains("nothing is written into them: no space"), "{error}");
+    drop(guide);
+    assert_eq!(max_torques(&link, &clock), [3000; 3]);
+}
