@@ -124,8 +124,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
             if let Some(aside) = set_aside(&arguments.output, &state)? {
                 note(format_args!("begun anew; what was found before is in `{}`", aside.display()));
             }
-            let Record { written, writing, jogged, .. } = before.unwrap_or_default();
-            Record { written, writing, jogged, ..Record::default() }
+            anew(before.unwrap_or_default())
         }
     };
     let wished = Wished {
@@ -251,6 +250,12 @@ fn free(file: &Path, name: &str, end: &str) -> anyhow::Result<PathBuf> {
         }
     }
     anyhow::bail!("no name is free beside `{}`", file.display())
+}
+
+/// What a set-up that is begun anew must know of the one before: files, an EEPROM and drives that it didn't leave whole, and of which
+/// robot.
+fn anew(Record { written, writing, jogged, robot, .. }: Record) -> Record {
+    Record { written, writing, jogged, robot, ..Record::default() }
 }
 
 /// Keeps a state beside itself; it stays what it is until a new one is written over it.
