@@ -459,7 +459,16 @@ mod tests {
             assert_eq!(guide.record.writing, expected);
             is_done.unwrap()
         };
+        assert!(!ends_with(&[None], Some(writing.clone())));
+        // Another time it is there, and isn't read: the cable is cut behind the scan.
+        injector.inject(1, Fault::PowerOn);
+        cable.left.set(Some(1000));
+        let mut bus = Bus::new(cable.clone(), clock.clone(), BusOptions::default());
+        bus.scan().unwrap();
+        cable.left.set(cable.left.get().map(|left| 1000 - left + 1));
         assert!(!ends_with(&[None], Some(writing)));
+        cable.left.set(None);
+        injector.inject(1, Fault::PowerOff);
         assert!(ends_with(&[Some("gone")], None));
         assert!(ends_with(&[Some("look again"), Some("as before"), Some("done")], None));
         let mut bus = Bus::new(cable.clone(), clock.clone(), BusOptions::default());

@@ -340,7 +340,7 @@ impl<C: Clock> Guide<'_, C> {
                 match self.choose(format!("enable {number}"), text, &choices) {
                     Ok(choice) if choice == "go on" => {
                         self.record.found(format!(
-                            "{wheel}: gone on without it enabled for {ENABLED_S} s at rest: {}",
+                            "{wheel}: gone on without {ENABLED_S} s enabled at rest: {}",
                             jog.end
                         ));
                         break;

@@ -17,7 +17,8 @@ use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
 use omnibase_session::session::check_watchdogs;
 
 use super::at_start::{AtStart, MAX_TORQUE};
-use super::{AnyBus, Guide, SetupError, has_its_numbers, in_words, is_it, seen, who};
+use super::before::remember;
+use super::{AnyBus, Guide, SetupError, in_words, is_it, seen, who};
 use crate::drive::DriveMap;
 use crate::jog::JOGGED_IN;
 use crate::record::FoundDrive;
@@ -62,14 +63,7 @@ impl<C: Clock> Guide<'_, C> {
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan().map_err(|error| in_words(&error))?;
         self.are_those_found(&bus)?;
-        let before = self.record.jogged.clone();
-        let is_kept = |drive: &&FoundDrive| {
-            before.iter().any(|one| has_its_numbers(one, drive) && one.was == drive.was)
-        };
-        let new: Vec<FoundDrive> =
-            self.record.drives.iter().filter(|drive| !is_kept(drive)).cloned().collect();
-        if !new.is_empty() {
-            self.record.jogged.extend(new);
+        if remember(&mut self.record) {
             // Nobody could put back what is in no state.
             (self.keep)(&self.record).map_err(SetupError::Unkept)?;
         }
