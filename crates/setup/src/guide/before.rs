@@ -212,11 +212,11 @@ fn held_before(one: &FoundDrive) -> BTreeSet<&(u16, u8, Vec<u8>)> {
 /// plugged in, others are as many as there were places and contents.
 pub(super) fn remember(record: &mut Record) -> bool {
     let Record { drives, jogged, .. } = record;
-    let mut any = false;
+    let (before, mut any) = (jogged.clone(), false);
     for drive in drives {
         let is_kept =
             |one: &FoundDrive| has_its_numbers(one, drive) && held_before(one) == held_before(drive);
-        if jogged.iter().any(is_kept) {
+        if before.iter().any(is_kept) {
             continue;
         }
         any = true;

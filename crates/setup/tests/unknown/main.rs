@@ -394,7 +394,8 @@ fn a_tape_that_contradicts_the_wheels_is_asked_again() {
 #[test]
 fn a_set_up_of_another_robot_is_refused() {
     let jogged = vec![FoundDrive::default()];
-    let record = Record { robot: Some("another".to_owned()), jogged, ..Record::default() };
+    let done = vec![Step::Find];
+    let record = Record { robot: Some("another".to_owned()), jogged, done, ..Record::default() };
     let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> { panic!("nothing is opened") };
     let (mut hand, mut keep, mut back_up) = (Deaf(0), |_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
     let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
