@@ -93,13 +93,15 @@ fn drives_that_were_jogged_elsewhere_get_back_what_they_held() {
     let twice: Vec<FoundDrive> = jogged.iter().cloned().chain(twice).collect();
     // The file has a parameter more by now.
     let more = "parameters = [{ object = \"6065\", type = \"u32\", value = 77 }, ";
-    for (base, jogged) in [(BASE.to_owned(), jogged), (BASE.replacen("parameters = [", more, 1), twice)] {
-        let count = jogged.len();
+    let with_more = BASE.replacen("parameters = [", more, 1);
+    for (base, jogged, expected) in
+        [(BASE, jogged, 3), (BASE, twice.clone(), 6), (with_more.as_str(), twice, 3)]
+    {
         let record = Record { jogged, ..Record::default() };
-        with_record(&base, record, &mut open, &mut Nobody, |guide| {
+        with_record(base, record, &mut open, &mut Nobody, |guide| {
             guide.find().unwrap();
             guide.operational().unwrap();
-            assert_eq!(guide.record.jogged.len(), 3, "of {count}");
+            assert_eq!(guide.record.jogged.len(), expected);
             guide.leave_as_found();
             assert_eq!((&guide.record.jogged, &guide.record.findings), (&Vec::new(), &Vec::new()));
         });
