@@ -180,7 +180,7 @@ impl<L: Link, C: Clock> Session<L, C> {
             peripherals::check_maps(device, bus.subdevices())?;
         }
         check_cycle(&bus, plan)?;
-        check_watchdogs(&mut bus, plan)?;
+        check_watchdogs(&mut bus, &plan.bus)?;
         modes::check(&mut bus, plan)?;
         let direction = match plan.bus.clock_source {
             ClockSource::DistributedClock => ClockDirection::CycleFollowsDc,
@@ -359,14 +359,16 @@ fn check_cycle<L: Link, C: Clock>(bus: &Bus<L, C>, plan: &RobotPlan) -> Result<(
     Err(SessionError::CycleTooShort { cycle_us, timeout_us, fit })
 }
 
-/// Reads back what decides whether the wheels stop, and outputs go safe, when this program dies.
-fn check_watchdogs<L: Link, C: Clock>(bus: &mut Bus<L, C>, plan: &RobotPlan) -> Result<(), SessionError> {
+/// Reads back what decides whether the wheels stop, and outputs go safe, when this program dies, of everybody who was given a watchdog;
+/// an error names the first that has another one.
+pub fn check_watchdogs<L: Link, C: Clock>(bus: &mut Bus<L, C>, plan: &BusPlan) -> Result<(), SessionError> {
     let expected =
-        WatchdogRegisters { divider: DriveWatchdog::DIVIDER, process_data: plan.bus.drive_watchdog.steps };
+        WatchdogRegisters { divider: DriveWatchdog::DIVIDER, process_data: plan.drive_watchdog.steps };
     let watched = bus.subdevices().iter().filter(|one| one.config.watchdogs.process_data.is_some());
     let positions: Vec<u16> = watched.map(|one| one.position).collect();
     for position in positions {
-        let name = bus.subdevice(position)?.config.name.clone().unwrap_or_default();
+        let one = bus.subdevice(position)?;
+        let name = one.config.name.as_ref().unwrap_or(&one.name).clone();
         let mut read = |what, register| {
             let access = bus.transactor().perform_one(Access::read_at(what, position, register, 2))?;
             Ok::<u16, SetUpError>(access.data.iter().rev().fold(0, |word, byte| word << 8 | u16::from(*byte)))

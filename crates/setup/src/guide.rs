@@ -9,6 +9,7 @@ mod jogging;
 mod naming;
 mod operational;
 mod reading;
+mod stops;
 #[cfg(test)]
 mod tests;
 
@@ -16,6 +17,7 @@ pub use floor::Calibrated;
 
 use std::time::Duration;
 
+use omnibase_ethercat::Bus;
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{Clock, Link, LinkError};
 use omnibase_robot::Registry;
@@ -65,6 +67,9 @@ pub enum SetupError {
     /// The bus refuses.
     #[error("{0}")]
     Bus(String),
+    /// What drives hold can't be kept, so no jog writes over it.
+    #[error("what the drives hold can't be kept, so nothing is written into them: {0}")]
+    Unkept(String),
     /// An EEPROM is half-written.
     #[error("{0}. The same set-up, taken up again, makes it whole")]
     BrokenOff(String),
@@ -89,6 +94,12 @@ pub enum SetupError {
         "this set-up was begun with the file of a robot with other wheels, or at other places: give that one, or begin anew"
     )]
     OtherRobot,
+    /// A jog that was cut off was another robot's.
+    #[error(
+        "drives of another robot were jogged by this set-up and aren't as they were found: take it up on that robot, and give this one \
+         another --output"
+    )]
+    OtherJogged,
     /// There are fewer drives than wheels.
     #[error("the file has {wheels} wheels, on the bus are {drives} drives of the profile CiA 402")]
     TooFewDrives {
@@ -119,6 +130,9 @@ pub type Keep<'a> = &'a mut dyn FnMut(&Record) -> Result<(), String>;
 
 /// A way to the segment: link and clock, as often as it is asked for.
 pub type Open<'a, C> = &'a mut dyn FnMut() -> Result<(Box<dyn Link>, C), String>;
+
+/// A segment on which nothing is cyclic yet.
+pub(crate) type AnyBus<C> = Bus<Box<dyn Link>, C>;
 
 /// The set-up of one robot.
 pub struct Guide<'a, C: Clock> {
@@ -237,13 +251,23 @@ impl<'a, C: Clock> Guide<'a, C> {
     /// Every step that isn't done yet. However it ends, what jogs wrote over in the drives is put back, or told where it can't be.
     pub fn run(&mut self) -> Result<Ended, SetupError> {
         let robot = self.robot();
-        if self.record.robot.as_ref().is_some_and(|begun| *begun != robot) {
+        let is_another = self.record.robot.as_ref().is_some_and(|begun| *begun != robot);
+        if is_another && !self.record.done.is_empty() {
             // Drives of this robot may look like those that were jogged, so nothing is put back into them.
             if !self.record.jogged.is_empty() {
                 self.tell_left(&SetupError::OtherRobot);
                 self.kept();
             }
             return Err(SetupError::OtherRobot);
+        }
+        // Nothing else tells two robots of one kind apart.
+        let is_doubtful = is_another || self.record.jogged.iter().any(|one| one.serial == 0);
+        if is_doubtful && !self.record.jogged.is_empty() {
+            match self.is_robot_that_was_jogged() {
+                Ok(true) => {}
+                Ok(false) => return Err(SetupError::OtherJogged),
+                Err(Leave) => return Ok(Ended::Left(None)),
+            }
         }
         self.record.robot = Some(robot);
         let ended = self.steps();

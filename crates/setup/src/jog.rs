@@ -3,7 +3,8 @@
 use std::fmt;
 
 use omnibase_cia402::{
-    DriveRequest, Enabling, ErrorCode, Feedback, Mode, Progress, Settings, StatusWord, Targets, Wanted,
+    ControlWord, DriveRequest, Enabling, ErrorCode, Feedback, Mode, Progress, Settings, StatusWord, Targets,
+    Wanted,
 };
 use omnibase_ethercat::ProcessImage;
 use omnibase_ethercat::cyclic::Exchange;
@@ -41,6 +42,8 @@ pub struct JogPlan {
     pub key_cycles: [u32; 2],
 }
 
+/// The mode in which it is turned.
+pub(crate) const JOGGED_IN: Mode = Mode::CyclicSynchronousVelocity;
 /// How often the speed doubles until it is reached.
 const DOUBLINGS: f64 = 6.0;
 
@@ -76,6 +79,13 @@ pub enum JogEnd {
     Lost,
 }
 
+impl JogEnd {
+    /// Nobody held the key for long enough to try anything.
+    pub(crate) fn is_untried(&self) -> bool {
+        matches!(self, JogEnd::LetGo | JogEnd::NeverHeld)
+    }
+}
+
 impl fmt::Display for JogEnd {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -106,7 +116,8 @@ pub struct Jog {
     pub enabled_cycles: u32,
     /// Cycles in which a speed was told.
     pub moving_cycles: u32,
-    /// Cycles in whose frames a speed left though no key was held, by the bytes themselves; must be 0.
+    /// Cycles in whose frames the drive was told to be in operation though no key was held, by the bytes themselves, until it was
+    /// disabled; must be 0.
     pub unheld_cycles: u32,
 }
 
@@ -183,14 +194,17 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
                     jog.enabled_cycles += 1;
                     jog.moving_cycles += u32::from(speed != 0);
                 }
-                Progress::Stopped(problem) if was_held => break JogEnd::Drive(problem.to_string()),
-                Progress::Stopped(problem) if !is_told => {
+                // While others are lost it may be by them: that is told then.
+                Progress::Stopped(problem) if was_held && lost == 0 => {
+                    break JogEnd::Drive(problem.to_string());
+                }
+                Progress::Stopped(problem) if !was_held && !is_told => {
                     hand.remark(&format!("{problem}; whoever holds the key acknowledges that"));
                     is_told = true;
                 }
                 _ => {}
             }
-            jog.unheld_cycles += u32::from(!key.is_held() && self.told_units() != 0);
+            jog.unheld_cycles += u32::from(!key.is_held() && self.is_enabled_by());
             let (exchange, times) = self.paced.exchange(self.image)?;
             periods = times.periods;
             lost = if exchange == Exchange::Complete { 0 } else { lost + 1 };
@@ -214,7 +228,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         };
         jog.end = end;
         hand.moves(false, jog.travel_counts as f64);
-        jog.travel_counts += self.end(&mut enabling, cycles, last)?;
+        self.end(&mut enabling, cycles, last, &mut jog)?;
         Ok(jog)
     }
 
@@ -244,10 +258,10 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         Ok(Some(greatest - least))
     }
 
-    /// The speed that leaves in this cycle's frame.
-    fn told_units(&self) -> i32 {
-        let bytes = self.image.outputs[self.map.velocity.clone()].iter().rev();
-        bytes.fold(0u32, |units, byte| units << 8 | u32::from(*byte)) as i32
+    /// Whether the drive is told to be in operation by the frame that leaves next.
+    fn is_enabled_by(&self) -> bool {
+        let at = self.map.control.start;
+        enables([self.image.outputs[at], self.image.outputs[at + 1]])
     }
 
     fn inputs(&self) -> DriveInputs {
@@ -270,7 +284,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
     fn advance(&mut self, enabling: &mut Enabling, cycle: u64, told: Told, inputs: DriveInputs) -> Progress {
         let Told { wanted, speed_units, torque_per_mille } = told;
         let targets = Targets { velocity_units: speed_units, ..Targets::default() };
-        let request = DriveRequest { wanted, mode: Mode::CyclicSynchronousVelocity, targets };
+        let request = DriveRequest { wanted, mode: JOGGED_IN, targets };
         let output = enabling.advance(cycle * self.cycle_ns, &inputs.feedback, &request);
         let map = self.map;
         let mut put = |range: &std::ops::Range<usize>, bytes: &[u8]| {
@@ -289,15 +303,21 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         output.progress
     }
 
-    /// Until the drive is disabled; how many counts it went on.
-    fn end(&mut self, enabling: &mut Enabling, cycles: u32, mut last: i32) -> Result<i64, LinkError> {
-        let mut travel = 0;
+    /// Until the drive is disabled; how far it went on, and whether a frame enabled it all the same, counts for the jog.
+    fn end(
+        &mut self,
+        enabling: &mut Enabling,
+        cycles: u32,
+        mut last: i32,
+        jog: &mut Jog,
+    ) -> Result<(), LinkError> {
         for cycle in 1..=END_CYCLES {
             let inputs = self.inputs();
-            travel += i64::from(inputs.position.wrapping_sub(last));
+            jog.travel_counts += i64::from(inputs.position.wrapping_sub(last));
             last = inputs.position;
             let nothing = Told { wanted: Wanted::SwitchOnDisabled, speed_units: 0, torque_per_mille: 0 };
             let progress = self.advance(enabling, u64::from(cycles + cycle), nothing, inputs);
+            jog.unheld_cycles += u32::from(self.is_enabled_by());
             self.paced.exchange(self.image)?;
             if cycle > WINDOW_CYCLES as u32 && matches!(progress, Progress::Holding(_) | Progress::Stopped(_))
             {
@@ -306,8 +326,13 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         }
         self.image.outputs.fill(0);
         self.paced.exchange(self.image)?;
-        Ok(travel)
+        Ok(())
     }
+}
+
+/// Whether the two bytes of a control word tell a drive to be in operation.
+pub(crate) fn enables(control: [u8; 2]) -> bool {
+    ControlWord(u16::from_le_bytes(control)).contains(ControlWord::COMMAND_ENABLE_OPERATION)
 }
 
 /// The counts per cycle of a drive that turns three times as fast as it is told, or as fast the other way.

@@ -90,7 +90,7 @@ pub struct FoundDrive {
     /// What its identification switch shows; `None` where it has none, or none was chosen.
     #[serde(default)]
     pub identification: Option<u16>,
-    /// It is found by its position, whatever alias it has: another has it, too, or somebody wished so.
+    /// It is found by its position, whatever alias it has or will show: another has it, too, or somebody wished so.
     #[serde(default)]
     pub is_by_position: bool,
     /// 0x6076, N·m, where it says it.
@@ -98,7 +98,7 @@ pub struct FoundDrive {
     /// What a jog writes over in it, as it was found: index, subindex and bytes.
     #[serde(default)]
     pub was: Vec<(u16, u8, Vec<u8>)>,
-    /// An alias that was written and that it didn't show yet.
+    /// An alias that was written and that it didn't show yet; it is found by its position until then.
     #[serde(default)]
     pub written_alias: Option<u16>,
     /// Counts per turn of the motor by 0x608F, where it says it.
@@ -107,7 +107,7 @@ pub struct FoundDrive {
     pub told_gear: Option<f64>,
     /// The wheel that it turned.
     pub wheel: Option<String>,
-    /// Whether the emergency stop took its torque; `None` before that was tried.
+    /// Whether the emergency stop was seen to take its torque; `None` before anybody went on from there.
     #[serde(default)]
     pub is_stopped: Option<bool>,
     /// The way in which the wheel turned with positive counts.
@@ -200,6 +200,11 @@ impl Record {
     /// The record to be kept.
     pub fn to_json(&self) -> String {
         serde_json::to_string_pretty(self).unwrap_or_default()
+    }
+
+    /// Nothing is done yet: what was driven on the floor was driven by what was known then.
+    pub fn begin_again(&mut self) {
+        (self.done, self.legs, self.takes_calibration) = (Vec::new(), Vec::new(), false);
     }
 
     /// Notes something that was done.

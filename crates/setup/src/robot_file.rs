@@ -100,11 +100,14 @@ fn table(name: &str, drive: &FoundDrive, written: Option<&Table>) -> Table {
         }
     };
     let seen = match drive.is_stopped {
-        Some(false) => "seen to turn; the emergency stop did NOT take its torque: don't drive it",
+        Some(false) => "seen to turn; the emergency stop was NOT seen to take its torque: don't drive it",
         _ => "seen to turn",
     };
     put("name", value(name), seen);
-    match (drive.identification, drive.alias.filter(|_| !drive.is_by_position)) {
+    match (
+        drive.identification,
+        drive.alias.filter(|_| !drive.is_by_position && drive.written_alias.is_none()),
+    ) {
         (Some(number), _) => put("identification", value(i64::from(number)), "shown by its switch"),
         (None, Some(alias)) => put("alias", value(i64::from(alias)), "wherever it is plugged in"),
         (None, None) => {

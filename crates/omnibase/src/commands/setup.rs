@@ -4,6 +4,8 @@ mod heard;
 mod lines;
 mod page;
 mod person;
+#[cfg(test)]
+mod tests;
 
 use super::DASHBOARD;
 use super::calibrate::{Known, write};
@@ -119,13 +121,10 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
             record
         }
         before => {
-            if state.exists() {
-                let aside = free(&arguments.output, "state.before", "json")?;
-                std::fs::rename(&state, &aside).with_context(|| format!("renaming `{}`", state.display()))?;
+            if let Some(aside) = set_aside(&arguments.output, &state)? {
                 note(format_args!("begun anew; what was found before is in `{}`", aside.display()));
             }
-            let Record { written, writing, jogged, .. } = before.unwrap_or_default();
-            Record { written, writing, jogged, ..Record::default() }
+            anew(before.unwrap_or_default())
         }
     };
     let wished = Wished {
@@ -155,6 +154,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         back_up(&arguments.output, position, bytes).map_err(|error| format!("{error:#}"))
     };
     let outside = Outside { hand: hand.as_hand(), keep: &mut keep, back_up: &mut back_up };
+    let begun = record.clone();
     let mut guide = Guide::new(wished, record, &mut open, outside)?;
     let ended = guide.run();
     let mut record = guide.record.clone();
@@ -162,7 +162,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let finish = || {
         let finished = ended
             .map_err(Into::into)
-            .and_then(|ended| finished(&arguments.output, ended, calibrated, &mut record.written));
+            .and_then(|ended| finished(&arguments.output, &begun, ended, calibrated, &mut record.written));
         write_whole(&state, record.to_json())?;
         write_whole(&told, in_words(&record))?;
         finished
@@ -195,9 +195,10 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     }
 }
 
-/// Writes what it came to, and keeps it as `written`; whether it is the whole file.
+/// Writes what it came to, and keeps it as `written`; whether it is the whole file. `begun` is what was known of it at the start.
 fn finished(
     output: &Path,
+    begun: &Record,
     ended: Ended,
     calibrated: Result<Option<Calibrated>, SetupError>,
     written: &mut Option<String>,
@@ -214,6 +215,9 @@ fn finished(
     };
     // Whatever came of the tape, the file is there.
     let text = with_wheels.as_ref().unwrap_or(&text);
+    // A set-up takes its time: somebody may have changed it meanwhile.
+    is_own(output, &beside(output, "record.md"), Some(begun))
+        .context("what was found is kept: put that file elsewhere, and take the set-up up again")?;
     write_whole(output, text)?;
     *written = Some(text.clone());
     with_wheels.context("the file is written without the wheels that the tape found: measure again")?;
@@ -246,6 +250,20 @@ fn free(file: &Path, name: &str, end: &str) -> anyhow::Result<PathBuf> {
         }
     }
     anyhow::bail!("no name is free beside `{}`", file.display())
+}
+
+/// What a set-up that is begun anew must know of the one before: files, an EEPROM and drives that it didn't leave whole, and of which
+/// robot.
+fn anew(Record { written, writing, jogged, robot, .. }: Record) -> Record {
+    Record { written, writing, jogged, robot, ..Record::default() }
+}
+
+/// Keeps a state beside itself; it stays what it is until a new one is written over it.
+fn set_aside(output: &Path, state: &Path) -> anyhow::Result<Option<PathBuf>> {
+    let Some(bytes) = what_is_there(state)? else { return Ok(None) };
+    let aside = free(output, "state.before", "json")?;
+    write_whole(&aside, bytes)?;
+    Ok(Some(aside))
 }
 
 /// Whoever is asked and holds the key.
@@ -381,90 +399,4 @@ fn in_words(record: &Record) -> String {
         text.push('\n');
     }
     text
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_file_that_no_set_up_wrote_is_left_alone_and_a_state_is_whole_or_the_old_one() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("mine.toml");
-        let told = beside(&file, "record.md");
-        let left = Record { done: vec![Step::Find], ..Record::default() };
-        let ended = Record { done: Step::ALL.to_vec(), ..Record::default() };
-        assert!(is_own(&file, &told, None).is_ok());
-        // What is there and can't be read is somebody's.
-        std::fs::create_dir(&file).unwrap();
-        assert!(is_own(&file, &told, None).unwrap_err().to_string().contains("mine.toml"));
-        std::fs::remove_dir(&file).unwrap();
-        std::fs::write(&file, "by hand").unwrap();
-        for before in [None, Some(&left)] {
-            let words = is_own(&file, &told, before).unwrap_err().to_string();
-            assert!(words.contains("mine.toml` exists, and no set-up wrote it"), "{words}");
-        }
-        assert!(is_own(&file, &told, Some(&ended)).is_ok());
-        // Begun anew it is still one that a set-up wrote; changed since, it isn't.
-        let anew = |written: &str| Record { written: Some(written.to_owned()), ..Record::default() };
-        assert!(is_own(&file, &told, Some(&anew("by hand"))).is_ok());
-        let words = is_own(&file, &told, Some(&anew("by a set-up"))).unwrap_err().to_string();
-        assert!(words.contains("mine.toml` was changed since the set-up wrote it"), "{words}");
-        std::fs::write(&told, "precious").unwrap();
-        let words = is_own(&file, &told, Some(&ended)).unwrap_err().to_string();
-        assert!(words.contains("mine.record.md` exists"), "{words}");
-        std::fs::write(&told, in_words(&ended)).unwrap();
-        assert!(is_own(&file, &told, Some(&ended)).is_ok());
-
-        let state = beside(&file, "state.json");
-        assert_eq!(kept_record(&state).unwrap(), None);
-        write_whole(&state, left.to_json()).unwrap();
-        assert_eq!(kept_record(&state).unwrap(), Some(left));
-        // Where the new one can't be written the old one stays.
-        std::fs::create_dir(folder.path().join("mine.state.json.new")).unwrap();
-        assert!(write_whole(&state, "half").is_err());
-        assert!(kept_record(&state).unwrap().is_some());
-        std::fs::write(&state, "half").unwrap();
-        assert!(kept_record(&state).unwrap_err().to_string().contains("mine.state.json"));
-    }
-
-    #[test]
-    fn ways_that_no_wheels_fit_keep_no_file_back() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("mine.toml");
-        let mut written = None;
-        let calibrated = Err(SetupError::Bus("no wheels fit".to_owned()));
-        let ended = finished(&file, Ended::File("name = 1".to_owned()), calibrated, &mut written);
-        let words = format!("{:#}", ended.unwrap_err());
-        assert!(words.contains("without the wheels") && words.contains("no wheels fit"), "{words}");
-        assert_eq!(std::fs::read_to_string(&file).unwrap(), "name = 1");
-        assert_eq!(written.as_deref(), Some("name = 1"));
-    }
-
-    #[test]
-    fn a_set_up_begun_anew_twice_has_both_that_were_before() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("mine.toml");
-        for expected in ["mine.state.before.json", "mine.state.before.2.json", "mine.state.before.3.json"] {
-            let path = free(&file, "state.before", "json").unwrap();
-            assert_eq!(path, folder.path().join(expected));
-            std::fs::write(&path, expected).unwrap();
-        }
-    }
-
-    #[test]
-    fn an_eeprom_is_kept_beside_what_was_kept_before() {
-        let folder = tempfile::tempdir().unwrap();
-        let file = folder.path().join("mine.toml");
-        let kept = |end: &str| std::fs::read(beside(&file, end)).ok();
-        std::fs::write(beside(&file, "eeprom-1.bin"), "something else").unwrap();
-        for _ in 0..2 {
-            back_up(&file, 1, b"first").unwrap();
-        }
-        back_up(&file, 1, b"second").unwrap();
-        assert_eq!(kept("eeprom-1.bin").unwrap(), b"something else");
-        assert_eq!(kept("eeprom-1.2.bin").unwrap(), b"first");
-        assert_eq!(kept("eeprom-1.3.bin").unwrap(), b"second");
-        assert_eq!(kept("eeprom-1.4.bin"), None);
-    }
 }

@@ -5,7 +5,7 @@ use omnibase_ethercat::start_up::{Refusal, SdoWrite};
 use omnibase_ethercat::subdevice::Direction;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 
-use super::bus_plan::{BusPlace, BusPlan, DriveWatchdog, Identity, ParameterPlan};
+use super::bus_plan::{BusPlace, BusPlan, Identity, ParameterPlan};
 use super::drive_plan::DrivePlan;
 use super::drive_tables::ParameterState;
 use super::mapping::PdoPlan;
@@ -39,11 +39,7 @@ impl DrivePlan {
             assign_activate: self.dc.map(|dc| dc.assign_activate),
             sync_mode: bus.sync_mode(self.dc.as_ref()),
             timeouts: self.timeouts,
-            watchdogs: bus_config::WatchdogConfig {
-                divider: Some(DriveWatchdog::DIVIDER),
-                process_data: Some(bus.drive_watchdog.steps),
-                pdi: None,
-            },
+            watchdogs: bus.watchdogs(),
             ..Default::default()
         }
     }

@@ -30,6 +30,15 @@ impl BusPlan {
         i64::from(self.sync0_shift_ns) - self.cycle_ns as i64 / 2
     }
 
+    /// The watchdog of whoever is written to.
+    pub fn watchdogs(&self) -> bus_config::WatchdogConfig {
+        bus_config::WatchdogConfig {
+            divider: Some(DriveWatchdog::DIVIDER),
+            process_data: Some(self.drive_watchdog.steps),
+            pdi: None,
+        }
+    }
+
     /// By what a drive is synchronised; `None` where its clock has events that leave a choice to it.
     pub(super) fn sync_mode(&self, dc: Option<&DcPlan>) -> Option<bus_config::SyncMode> {
         match self.synchronisation {

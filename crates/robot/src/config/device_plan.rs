@@ -7,7 +7,7 @@ use omnibase_ethercat::config::Timeouts;
 
 use super::axis_plan::AxisPlan;
 use super::bus_config::{bytes, expected_identity, matched, sdos};
-use super::bus_plan::{BusPlace, BusPlan, DriveWatchdog, Identity, ParameterPlan};
+use super::bus_plan::{BusPlace, BusPlan, Identity, ParameterPlan};
 use super::custom::Parameters;
 use super::device_tables::SignalType;
 use super::drive_tables::ParameterState;
@@ -198,15 +198,8 @@ impl DevicePlan {
     /// What the bus is asked for it, without its PDOs: what of these can be written only the SubDevice itself tells.
     /// One that is written to goes safe by its own watchdog when the program says nothing, as the drives do.
     pub fn subdevice_config(&self, bus: &BusPlan) -> bus_config::SubDeviceConfig {
-        let watchdogs = if self.outputs.is_empty() {
-            bus_config::WatchdogConfig::default()
-        } else {
-            bus_config::WatchdogConfig {
-                divider: Some(DriveWatchdog::DIVIDER),
-                process_data: Some(bus.drive_watchdog.steps),
-                pdi: None,
-            }
-        };
+        let watchdogs =
+            if self.outputs.is_empty() { bus_config::WatchdogConfig::default() } else { bus.watchdogs() };
         bus_config::SubDeviceConfig {
             // What is read and written by bytes, and zeroed while its owner is away.
             own_bytes: true,

@@ -1,13 +1,11 @@
 //! An alias written into an EEPROM, and what becomes of a writing that broke off: the record knows what was being written.
 
 use omnibase_ethercat::eeprom::with_checksum;
-use omnibase_ethercat::wire::{Clock, Link, sii};
+use omnibase_ethercat::wire::{Clock, sii};
 use omnibase_ethercat::{Bus, BusOptions};
 
-use super::{Guide, SetupError, in_words};
+use super::{AnyBus, Guide, Leave, SetupError, in_words};
 use crate::record::AliasWrite;
-
-type AnyBus<C> = Bus<Box<dyn Link>, C>;
 
 /// Words that the writing of an alias changes: the alias, and the checksum.
 const CHANGED: [usize; 2] = [4, 7];
@@ -95,15 +93,33 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn finish_alias(&mut self) -> Result<bool, SetupError> {
         let Some(writing) = self.record.writing.clone() else { return Ok(true) };
         let alias = writing.alias;
-        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
-        let mut bus = Bus::new(link, clock, BusOptions::default());
-        bus.scan().map_err(|error| in_words(&error))?;
-        let Some((position, stands, found)) = find(&mut bus, &writing) else {
+        let its = format!(
+            "the EEPROM into which alias {alias} was being written (SubDevice {} then)",
+            writing.position
+        );
+        let (mut bus, (position, stands, found)) = loop {
+            let (link, clock) = (self.open)().map_err(SetupError::Open)?;
+            let mut bus = Bus::new(link, clock, BusOptions::default());
+            bus.scan().map_err(|error| in_words(&error))?;
+            match find(&mut bus, &writing) {
+                Looked::Its(position, stands, found) => break (bus, (position, stands, found)),
+                Looked::Another => {}
+                // Half of it may stand where nobody looks.
+                Looked::Unseen(why) => {
+                    let text = format!(
+                        "{its} can't be looked at ({why}): switch on and plug in all drives, and look again; or is it gone for good?"
+                    );
+                    let choices = ["look again", "gone"].map(str::to_owned);
+                    match self.choose(format!("unseen {}", writing.position), text, &choices) {
+                        Err(Leave) => return Ok(false),
+                        Ok(said) if said == choices[0] => continue,
+                        Ok(_) => {}
+                    }
+                }
+            }
             self.record.writing = None;
             self.tell_found(format!(
-                "the EEPROM into which alias {alias} was being written (SubDevice {} then) isn't on the bus, or was written by \
-                 others since: whoever is broken below has its backup beside the robot's file",
-                writing.position
+                "{its} isn't on the bus, or was written by others since: whoever is broken below has its backup beside the robot's file"
             ));
             self.kept();
             return Ok(true);
@@ -143,7 +159,7 @@ impl<C: Clock> Guide<'_, C> {
     fn were_plugged_elsewhere(&mut self, position: u16, writing: &AliasWrite) {
         self.record.writing = Some(AliasWrite { position, ..writing.clone() });
         self.record.drives.clear();
-        self.record.done.clear();
+        self.record.begin_again();
         self.tell_found(format!(
             "the drive into which alias {} was being written was SubDevice {} then and is SubDevice {position} now: drives were \
              plugged in elsewhere, so they are found and jogged again",
@@ -162,17 +178,36 @@ impl<C: Clock> Guide<'_, C> {
     }
 }
 
+/// What was found of the EEPROM that was being written.
+enum Looked {
+    /// It is here: its position, and what stands in it.
+    Its(u16, Stands, Vec<u8>),
+    /// All were read, and another one is at its place.
+    Another,
+    /// Not all could be read: why.
+    Unseen(String),
+}
+
 /// Where the EEPROM is that was being written: half of it wherever it is plugged in by now, else what stands at its place.
-fn find<C: Clock>(bus: &mut AnyBus<C>, writing: &AliasWrite) -> Option<(u16, Stands, Vec<u8>)> {
+fn find<C: Clock>(bus: &mut AnyBus<C>, writing: &AliasWrite) -> Looked {
     let mut positions: Vec<u16> = bus.subdevices().iter().map(|one| one.position).collect();
     positions.sort_by_key(|position| *position != writing.position);
-    let mut at_its_place = None;
+    let mut at_its_place = match positions.first() {
+        Some(first) if *first == writing.position => Looked::Another,
+        _ => Looked::Unseen(format!("nobody is at position {}", writing.position)),
+    };
     for position in positions {
-        let Ok(found) = bus.read_sii_first(position, sii::HEADER) else { continue };
+        let found = match bus.read_sii_first(position, sii::HEADER) {
+            Ok(found) => found,
+            Err(error) => {
+                at_its_place = Looked::Unseen(error.to_string());
+                continue;
+            }
+        };
         match writing.stands(&found) {
-            Stands::Half => return Some((position, Stands::Half, found)),
+            Stands::Half => return Looked::Its(position, Stands::Half, found),
             Stands::Other => {}
-            stands if position == writing.position => at_its_place = Some((position, stands, found)),
+            stands if position == writing.position => at_its_place = Looked::Its(position, stands, found),
             _ => {}
         }
     }
@@ -184,7 +219,7 @@ mod tests {
     use std::cell::{Cell, RefCell};
     use std::rc::Rc;
 
-    use omnibase_ethercat::wire::{HostTime, LinkError};
+    use omnibase_ethercat::wire::{HostTime, Link, LinkError};
     use omnibase_ethercat_sim::{Fault, SegmentFile, SimLink, VirtualClock, in_process};
 
     use super::*;
@@ -382,5 +417,79 @@ mod tests {
             record.findings
         );
         assert_eq!(person.asked, ["finish 0"]);
+    }
+
+    /// Its drive is dark at the next start: half of an EEPROM is remembered until it was looked at, or somebody says that it is gone.
+    #[test]
+    fn a_half_whose_drive_is_dark_is_not_forgotten() {
+        let text = "[[subdevice]]\nkind = \"servo\"\ncount = 2\n";
+        let mut segment = SegmentFile::parse(text).unwrap().build(std::path::Path::new(".")).unwrap();
+        let injector = segment.injector();
+        let (link, clock) = in_process(segment);
+        let cable = Cable { link: Rc::new(RefCell::new(link)), left: Rc::default() };
+        let mut bus = Bus::new(cable.clone(), clock.clone(), BusOptions::default());
+        bus.scan().unwrap();
+        let before = bus.read_sii(1).unwrap();
+        let after = bus.sii_with_alias(1, ALIAS).unwrap().unwrap();
+        cable.left.set(Some(20));
+        bus.write_sii(1, &before, &after).unwrap_err();
+        cable.left.set(None);
+        drop(bus);
+        injector.inject(1, Fault::PowerOff);
+        let writing = AliasWrite { position: 1, alias: ALIAS, begins: before[..sii::HEADER].to_vec() };
+        let left = Record { writing: Some(writing.clone()), ..Record::default() };
+        let ends_with = |says: &[Option<&str>], expected: Option<AliasWrite>| {
+            let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+                Ok((Box::new(cable.clone()), clock.clone()))
+            };
+            let mut says = says.iter();
+            let mut hand = Asked(|question: &Question| {
+                let said = says.next().copied().flatten();
+                if said == Some("look again") {
+                    assert_eq!(question.id, "unseen 1");
+                    injector.inject(1, Fault::PowerOn);
+                }
+                said.map_or(Answer::Leave, |said| Answer::Said(said.to_owned()))
+            });
+            let (mut keep, mut back_up) = (|_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
+            let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
+            let wished = Wished::new(BASE.to_owned());
+            let mut guide = Guide::new(wished, left.clone(), &mut open, outside).unwrap();
+            let is_done = guide.finish_alias();
+            assert_eq!(guide.record.writing, expected);
+            is_done.unwrap()
+        };
+        assert!(!ends_with(&[None], Some(writing.clone())));
+        // Another time it is there, and isn't read: the cable is cut behind the scan.
+        injector.inject(1, Fault::PowerOn);
+        cable.left.set(Some(1000));
+        let mut bus = Bus::new(cable.clone(), clock.clone(), BusOptions::default());
+        bus.scan().unwrap();
+        cable.left.set(cable.left.get().map(|left| 1000 - left + 1));
+        assert!(!ends_with(&[None], Some(writing)));
+        cable.left.set(None);
+        injector.inject(1, Fault::PowerOff);
+        assert!(ends_with(&[Some("gone")], None));
+        assert!(ends_with(&[Some("look again"), Some("as before"), Some("done")], None));
+        let mut bus = Bus::new(cable.clone(), clock.clone(), BusOptions::default());
+        bus.scan().unwrap();
+        assert_eq!(bus.read_sii(1).unwrap(), before);
+    }
+
+    /// Answers as this says.
+    struct Asked<F>(F);
+
+    impl<F: FnMut(&Question) -> Answer> Hand for Asked<F> {
+        fn ask(&mut self, question: &Question) -> Answer {
+            (self.0)(question)
+        }
+
+        fn tell(&mut self, _: &str) {}
+
+        fn take_key(&mut self, _: &str) {}
+
+        fn key(&mut self) -> Key {
+            Key::Gone
+        }
     }
 }

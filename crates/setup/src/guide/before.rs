@@ -6,18 +6,17 @@ use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::wire::Clock;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 
-use super::at_start::{JOG_WRITES, MAX_TORQUE};
-use super::reading::{AnyBus, held, number};
-use super::{Guide, SetupError, has_its_numbers, is_it, seen, who};
+use super::at_start::JOG_WRITES;
+use super::reading::{held, number};
+use super::{AnyBus, Guide, Leave, SetupError, has_its_numbers, is_it, seen, who};
 use crate::record::{FoundDrive, Record};
 
 impl<C: Clock> Guide<'_, C> {
     /// Whether this may be another drive by now, of which something else is known, and nobody said that it isn't.
     pub(super) fn is_doubtful(&self, drive: &FoundDrive) -> bool {
-        let known = |one: &FoundDrive| one.was.iter().cloned().collect::<BTreeSet<_>>();
         let mut alike =
             self.record.drives.iter().filter(|other| other.position != drive.position && is_it(drive, other));
-        !self.are_placed && alike.any(|other| known(other) != known(drive))
+        !self.are_placed && alike.any(|other| held_before(other) != held_before(drive))
     }
 
     /// What jogs wrote over is as it was found; of whom it isn't, that is told and stays remembered.
@@ -86,7 +85,9 @@ impl<C: Clock> Guide<'_, C> {
                 let alike = all.iter().filter(|other| has_its_numbers(one, other));
                 alike.map(|other| other.position).collect::<BTreeSet<u16>>().len()
             };
-            let is_there = places(&self.record.drives) >= places(&self.record.jogged);
+            // One that has a serial number is there wherever it is plugged in.
+            let jogged = if one.serial == 0 { places(&self.record.jogged) } else { 1 };
+            let is_there = places(&self.record.drives) >= jogged;
             if !is_there && told.insert((one.vendor_id, one.product_code, one.serial)) {
                 fail(
                     one,
@@ -99,6 +100,17 @@ impl<C: Clock> Guide<'_, C> {
         }
         self.record.jogged.retain(|one| failed.iter().any(|(drive, _)| has_its_numbers(drive, one)));
         failed.into_iter().for_each(|(_, text)| self.tell_found(text));
+    }
+
+    /// Whether the drives on the bus are those of the robot in which a jog was cut off: what that one's held mustn't get into another's.
+    pub(super) fn is_robot_that_was_jogged(&mut self) -> Result<bool, Leave> {
+        let jogged: Vec<String> = self.record.jogged.iter().map(who).collect();
+        let text = format!(
+            "a jog was cut off before what it wrote over was put back ({}): is this the same robot, or another one?",
+            jogged.join("; ")
+        );
+        let choices = ["same", "another"].map(str::to_owned);
+        Ok(self.choose("robot".to_owned(), text, &choices)? == choices[0])
     }
 
     /// What earlier jogs left is put back before anything else is done; where it can't be, somebody says whether it stays remembered.
@@ -156,24 +168,27 @@ impl<C: Clock> Guide<'_, C> {
         ));
     }
 
-    /// Why what a drive holds now isn't stored in it: its max torque may be what a jog left there.
+    /// Why what a drive holds now isn't stored in it: something of it may be what a jog left there.
     pub(super) fn left_by_jog(&self, bus: &mut AnyBus<C>, position: u16) -> Option<String> {
-        let object = ObjectAddress::new(MAX_TORQUE, 0);
         let drive = self.record.drives.iter().find(|one| one.position == position)?;
-        let was = drive.was.iter().find(|(index, ..)| *index == MAX_TORQUE).map(|(.., bytes)| number(bytes));
-        let now = bus.sdo_read(position, object, SdoAccess::Entry).map(|bytes| number(&bytes));
-        let of_jog = ["0".to_owned(), self.wished.torque_per_mille.to_string()];
-        let hint = "set it by the maker's tool, then store";
-        match (now, was) {
-            (Ok(now), Some(was)) if now == was => None,
-            (Ok(now), Some(was)) => {
-                Some(format!("{object} is {now} and was {was} before it was jogged: {hint}"))
-            }
-            (Ok(now), None) if !of_jog.contains(&now) => None,
-            (Ok(now), None) => Some(format!("{object} is {now}, which a jog may have left there: {hint}")),
-            (Err(error), Some(_)) => Some(format!("{object} can't be read: {error}")),
-            (Err(_), None) => None,
-        }
+        let known = |object| drive.was.iter().find(|(index, subindex, _)| (*index, *subindex) == object);
+        let of_file = drive.was.iter().map(|(index, subindex, _)| (*index, *subindex));
+        let objects: BTreeSet<(u16, u8)> = JOG_WRITES.into_iter().chain(of_file).collect();
+        objects.into_iter().find_map(|(index, subindex)| {
+            let object = ObjectAddress::new(index, subindex);
+            let now = bus.sdo_read(position, object, SdoAccess::Entry);
+            let words = match (now, known((index, subindex))) {
+                (Ok(now), Some((.., was))) if now == *was => return None,
+                (Ok(now), Some((.., was))) => {
+                    format!("{object} is {} and was {} before it was jogged", number(&now), number(was))
+                }
+                (Ok(now), None) => format!("{object} is {}, which a jog may have left there", number(&now)),
+                (Err(error), Some(_)) => format!("{object} can't be read: {error}"),
+                // It has none.
+                (Err(_), None) => return None,
+            };
+            Some(format!("{words}: set it by the maker's tool, then store"))
+        })
     }
 
     /// What somebody had written into a drive is what is put back from then on.
@@ -188,10 +203,46 @@ impl<C: Clock> Guide<'_, C> {
     }
 }
 
-/// What a drive holds now is what the next jog writes over: somebody may have set it meanwhile, or the file has more parameters. Of one
+/// What a drive held before its first jog, in no order.
+fn held_before(one: &FoundDrive) -> BTreeSet<&(u16, u8, Vec<u8>)> {
+    one.was.iter().collect()
+}
+
+/// Remembers what drives held that are jogged from now on; whether anything is new. Who has a serial number is one drive wherever it was
+/// plugged in, others are as many as there were places and contents.
+pub(super) fn remember(record: &mut Record) -> bool {
+    let Record { drives, jogged, .. } = record;
+    let (before, mut any) = (jogged.clone(), false);
+    for drive in drives {
+        let is_kept =
+            |one: &FoundDrive| has_its_numbers(one, drive) && held_before(one) == held_before(drive);
+        if before.iter().any(is_kept) {
+            continue;
+        }
+        any = true;
+        let mut new = drive.clone();
+        if drive.serial != 0 {
+            for one in jogged.extract_if(.., |one| has_its_numbers(one, drive)) {
+                let has = |was: &(u16, u8, Vec<u8>)| {
+                    new.was.iter().any(|other| (other.0, other.1) == (was.0, was.1))
+                };
+                let more: Vec<_> = one.was.into_iter().filter(|was| !has(was)).collect();
+                new.was.extend(more);
+            }
+        }
+        jogged.push(new);
+    }
+    any
+}
+
+/// What a drive holds now is what the next jog writes over: somebody may have set it meanwhile, or the file has other parameters. Of one
 /// in which an earlier jog left something, what is known stays.
 pub(super) fn see_again(jogged: &[FoundDrive], was: &mut FoundDrive, now: &mut FoundDrive) {
     let its: Vec<&FoundDrive> = jogged.iter().filter(|one| has_its_numbers(one, was)).collect();
+    if its.is_empty() {
+        was.was = std::mem::take(&mut now.was);
+        return;
+    }
     // What nobody knows was told when it was found.
     drop(recall(jogged, now));
     for (index, subindex, bytes) in std::mem::take(&mut now.was) {
@@ -199,10 +250,8 @@ pub(super) fn see_again(jogged: &[FoundDrive], was: &mut FoundDrive, now: &mut F
         // Nobody vouches that a jog didn't write it.
         let is_of_jog =
             JOG_WRITES.contains(&(index, subindex)) && !its.iter().any(|one| one.was.iter().any(is_this));
-        match was.was.iter().position(is_this) {
-            Some(place) if its.is_empty() => was.was[place].2 = bytes,
-            None if its.is_empty() || !is_of_jog => was.was.push((index, subindex, bytes)),
-            _ => {}
+        if !is_of_jog && !was.was.iter().any(is_this) {
+            was.was.push((index, subindex, bytes));
         }
     }
 }

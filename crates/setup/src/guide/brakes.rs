@@ -26,7 +26,12 @@ impl<C: Clock> Guide<'_, C> {
                 }
                 Ok(_) => {}
             }
-            while !self.brake(number, &wheel)? {
+            loop {
+                match self.brake(number, &wheel)? {
+                    Err(Leave) => return Ok(false),
+                    Ok(true) => break,
+                    Ok(false) => {}
+                }
                 let text =
                     format!("{wheel}: its brake isn't known to hold: test it again, or go on without?");
                 let choices = ["again", "go on"].map(str::to_owned);
@@ -41,14 +46,17 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Opened by enabling it with a held key, then pushed while nothing is enabled: whether it did both.
-    fn brake(&mut self, number: usize, wheel: &str) -> Result<bool, SetupError> {
+    fn brake(&mut self, number: usize, wheel: &str) -> Result<Result<bool, Leave>, SetupError> {
         let what = format!(
             "hold the key: the brake of {wheel} opens; listen to it. The wheel gets stiff and mustn't move"
         );
         let jog = self.jog(number, Motion::Stands(ENABLED_S), &what)?;
+        if jog.end == JogEnd::Gone {
+            return Ok(Err(Leave));
+        }
         if jog.end != JogEnd::Longest {
             self.record.found(format!("{wheel}: its brake wasn't opened for {ENABLED_S} s: {}", jog.end));
-            return Ok(false);
+            return Ok(Ok(false));
         }
         let choices = ["yes", "no"].map(str::to_owned);
         let text = format!("did the brake of {wheel} open and close again?");
@@ -56,28 +64,28 @@ impl<C: Clock> Guide<'_, C> {
             Ok(choice) if choice == "yes" => {}
             Ok(_) => {
                 self.record.found(format!("{wheel}: its brake wasn't heard to open and close"));
-                return Ok(false);
+                return Ok(Ok(false));
             }
-            Err(Leave) => return Ok(false),
+            Err(Leave) => return Ok(Err(Leave)),
         }
         let text = format!("{wheel}: push and turn it by hand, both ways, for {PUSHED_S} s from Enter on");
         if self.choose(format!("push {number}"), text, &["done".to_owned()]).is_err() {
-            return Ok(false);
+            return Ok(Err(Leave));
         }
         let Some(span) = self.watch(number, PUSHED_S)? else {
             self.tell_found(format!(
                 "{wheel}: frames were lost while it was pushed, so nobody saw whether its brake holds: look at the cables"
             ));
-            return Ok(false);
+            return Ok(Ok(false));
         };
         let turns = span as f64 / self.record.drives[number].seen_counts.unwrap_or(1.0);
         let text = format!("{wheel}: pushed by hand with its brake closed it gave by {turns:.4} turns");
         self.hand.tell(&text);
         if turns > PLAY_TURNS {
             self.record.found(text);
-            return Ok(false);
+            return Ok(Ok(false));
         }
         self.record.note(text);
-        Ok(true)
+        Ok(Ok(true))
     }
 }

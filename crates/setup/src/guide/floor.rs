@@ -16,6 +16,7 @@ use omnibase_session::session::Session;
 use super::{Guide, Leave, SetupError, in_words};
 use crate::dead_man::DeadMan;
 use crate::hand::Key;
+use crate::jog::enables;
 use crate::record::Leg;
 use crate::robot_file;
 
@@ -38,9 +39,8 @@ const USUAL_SHARE: f64 = 0.05;
 /// What a tape on the floor is good for: m, and rad between two marks of the platform.
 const TAPE_M: f64 = 2e-3;
 const TAPE_RAD: f64 = 5e-3;
-/// Control word, and its bits that switch a drive to operation (IEC 61800-7-201).
+/// Control word (IEC 61800-7-201).
 const CONTROL_WORD: u16 = 0x6040;
-const ENABLES: u16 = 0x000F;
 
 /// One way on the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -102,7 +102,7 @@ fn is_enabled_by(plan: &RobotPlan, image: &mut impl ProcessImage) -> bool {
             if entry.index == CONTROL_WORD
                 && let Some([low, high, ..]) = image.outputs(wheel).get(bit / 8..)
             {
-                return u16::from_le_bytes([*low, *high]) & ENABLES == ENABLES;
+                return enables([*low, *high]);
             }
             bit += usize::from(entry.bits);
         }
@@ -145,7 +145,14 @@ impl<C: Clock> Guide<'_, C> {
             }
             Ok(_) => {}
         }
-        Ok(self.measured(&WAYS[0])?.is_ok())
+        Ok(self.is_as_jogged()? && self.measured(&WAYS[0])?.is_ok())
+    }
+
+    /// Whoever carried it to the floor may have plugged drives that look alike otherwise; `false` where he leaves, or they are to be jogged
+    /// again.
+    fn is_as_jogged(&mut self) -> Result<bool, SetupError> {
+        let is_known = self.are_in_their_places()?;
+        Ok(is_known && self.record.drives.iter().any(|drive| drive.wheel.is_some()))
     }
 
     /// Every way that wasn't driven yet, then wheels that fit what the tape said; `false` where it is left.
@@ -156,10 +163,14 @@ impl<C: Clock> Guide<'_, C> {
         match self.choose("calibrate".to_owned(), text.to_owned(), &choices) {
             Err(Leave) => return Ok(false),
             Ok(choice) if choice == "go on" => {
+                self.record.takes_calibration = false;
                 self.record.found("not calibrated: `omnibase calibrate` does it at any time");
                 return Ok(true);
             }
             Ok(_) => {}
+        }
+        if !self.is_as_jogged()? {
+            return Ok(false);
         }
         for way in WAYS {
             if self.record.legs.iter().any(|leg| leg.name == way.name) {

@@ -1,4 +1,4 @@
-//! What is done in OP: jog, first enable, emergency stop.
+//! What is done in OP: jog, first enable.
 
 use omnibase_ethercat::wire::Clock;
 
@@ -8,9 +8,8 @@ use crate::jog::{Jog, JogEnd, JogPlan, Jogger};
 use crate::record::{FoundDrive, Turned};
 use crate::turns::{contradicts, is_seen_as, likely_resolution};
 
-/// How long a drive is enabled without moving, s; and how long, while somebody goes to press the emergency stop.
+/// How long a drive is enabled without moving, s.
 pub(super) const ENABLED_S: f64 = 2.0;
-const STOPPED_WITHIN_S: f64 = 30.0;
 /// How often drives are jogged again of which several were seen to turn the same wheel.
 const ROUNDS: u32 = 3;
 /// Over what time a jog comes to its speed, s: it begins at a 64th of it, for nobody knows the encoder yet.
@@ -326,87 +325,29 @@ impl<C: Clock> Guide<'_, C> {
                 )?;
                 let turn = self.record.drives[number].seen_counts.unwrap_or(1.0);
                 let turns = jog.travel_counts.abs() as f64 / turn;
-                match jog.end {
+                match &jog.end {
                     JogEnd::Longest if turns <= CREEP_TURNS => break,
                     JogEnd::Gone => return Ok(false),
                     JogEnd::Longest => self
                         .record
                         .found(format!("{wheel}: enabled without a speed it moved {turns:.3} turns")),
-                    JogEnd::NeverHeld | JogEnd::LetGo => {}
+                    end if end.is_untried() => {}
                     end => self.record.found(format!("{wheel}: enabling it: {end}")),
                 }
                 let text =
                     format!("{wheel} wasn't enabled for {ENABLED_S} s at rest: again, or go on without?");
                 let choices = ["again", "go on"].map(str::to_owned);
                 match self.choose(format!("enable {number}"), text, &choices) {
-                    Ok(choice) if choice == "go on" => break,
-                    Ok(_) => {}
-                    Err(Leave) => return Ok(false),
-                }
-            }
-        }
-        Ok(true)
-    }
-
-    /// The emergency stop while each drive is enabled; `false` where it is left.
-    pub(super) fn stop_all(&mut self) -> Result<bool, SetupError> {
-        for number in 0..self.record.drives.len() {
-            let Some(wheel) = self.record.drives[number].wheel.clone() else { continue };
-            loop {
-                let what =
-                    format!("hold the key and press the emergency stop: {wheel} must go free by itself");
-                let jog = self.jog(number, Motion::Stands(STOPPED_WITHIN_S), &what)?;
-                match &jog.end {
-                    words @ (JogEnd::Drive(_) | JogEnd::Lost) if jog.enabled_cycles > 0 => {
-                        // A drive that stops by a fault of its own looks the same from here, and a cable that is out as a supply that
-                        // the stop takes.
-                        let text = match words {
-                            JogEnd::Lost => format!(
-                                "{wheel}: its drive isn't heard any more: did you press the emergency stop, and is the wheel free?"
-                            ),
-                            words => format!(
-                                "{wheel} lost its torque ({words}): did you press the emergency stop?"
-                            ),
-                        };
-                        let choices = ["yes", "no"].map(str::to_owned);
-                        match self.choose(format!("stopped {number}"), text, &choices) {
-                            Ok(choice) if choice == "yes" => {
-                                self.record
-                                    .note(format!("{wheel}: the emergency stop took its torque: {words}"));
-                                self.record.drives[number].is_stopped = Some(true);
-                                break;
-                            }
-                            Ok(_) => self.record.found(format!(
-                                "{wheel} lost its torque without the emergency stop: {words}"
-                            )),
-                            Err(Leave) => return Ok(false),
-                        }
-                    }
-                    JogEnd::Gone => return Ok(false),
-                    _ => {
-                        self.record.found(format!(
-                            "{wheel}: the emergency stop didn't take its torque while it was enabled"
-                        ));
-                    }
-                }
-                let text = format!(
-                    "{wheel} wasn't stopped by the emergency stop: again, or go on without? Don't drive such a robot."
-                );
-                let choices = ["again", "go on"].map(str::to_owned);
-                match self.choose(format!("stop {number}"), text, &choices) {
                     Ok(choice) if choice == "go on" => {
-                        self.record.drives[number].is_stopped = Some(false);
+                        self.record.found(format!(
+                            "{wheel}: gone on without {ENABLED_S} s enabled at rest: {}",
+                            jog.end
+                        ));
                         break;
                     }
                     Ok(_) => {}
                     Err(Leave) => return Ok(false),
                 }
-            }
-            let text = "release the emergency stop, reset what your safety circuit asks for, and wait until the drives are up"
-                .to_owned();
-            let released = self.choose(format!("release {number}"), text, &["done".to_owned()]);
-            if released.is_err() {
-                return Ok(false);
             }
         }
         Ok(true)

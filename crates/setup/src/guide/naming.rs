@@ -1,12 +1,10 @@
 //! What each drive is found by wherever it is plugged in: an alias in its EEPROM, or its identification switch.
 
 use omnibase_ethercat::subdevice::SubDevice;
-use omnibase_ethercat::wire::{Clock, Link};
+use omnibase_ethercat::wire::Clock;
 use omnibase_ethercat::{Bus, BusOptions};
 
-use super::{ATTEMPTS, Guide, Leave, SetupError, in_words};
-
-type AnyBus<C> = Bus<Box<dyn Link>, C>;
+use super::{ATTEMPTS, AnyBus, Guide, Leave, SetupError, in_words};
 
 impl<C: Clock> Guide<'_, C> {
     /// The segment in INIT, everybody looked at.
@@ -42,7 +40,7 @@ impl<C: Clock> Guide<'_, C> {
                 self.hand.tell(&text);
                 self.record.found(text);
             }
-            // Until something else is chosen and shown; what was chosen in a set-up that was left is asked again.
+            // Until something else is chosen; what was chosen in a set-up that was left is asked again.
             let named = &mut self.record.drives[number];
             (named.identification, named.is_by_position) = (None, true);
             // What a set-up that was left has written counts from the next power-on.
@@ -65,6 +63,7 @@ impl<C: Clock> Guide<'_, C> {
                 Err(Leave) => return Ok(false),
                 Ok(choice) if choice == "alias" => {}
                 Ok(choice) if choice == "keep" => {
+                    self.record.drives[number].is_by_position = false;
                     written.extend(waiting.map(|alias| (number, alias)));
                     continue;
                 }
@@ -84,6 +83,7 @@ impl<C: Clock> Guide<'_, C> {
             }
             let Ok(alias) = self.free_alias(&bus, number, &written) else { return Ok(false) };
             if self.write_alias(&mut bus, number, alias)? {
+                self.record.drives[number].is_by_position = false;
                 written.push((number, alias));
             }
         }
@@ -108,7 +108,7 @@ impl<C: Clock> Guide<'_, C> {
                 self.hand.tell(&text);
                 self.record.found(text);
             } else if shown == Some(alias) {
-                (drive.alias, drive.written_alias, drive.is_by_position) = (Some(alias), None, false);
+                (drive.alias, drive.written_alias) = (Some(alias), None);
                 self.record.note(format!("{wheel}: its drive shows alias {alias}"));
             } else {
                 let shown = shown.map_or("none".to_owned(), |alias| alias.to_string());

@@ -2,7 +2,7 @@
 
 use std::sync::atomic::AtomicBool;
 
-use omnibase_cia402::{ErrorCode, Mode};
+use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::config::{DcConfig, Match, SubDeviceConfig, SyncMode};
 use omnibase_ethercat::cyclic::{
     AcyclicCompletion, AcyclicRequest, AcyclicWork, ClockDirection, Goal, Handover, TransitionOptions,
@@ -14,18 +14,19 @@ use omnibase_ethercat::subdevice::{Direction, SubDevice};
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, LinkError};
 use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
+use omnibase_session::session::check_watchdogs;
 
-use super::at_start::AtStart;
-use super::{Guide, SetupError, has_its_numbers, in_words, is_it, seen, who};
+use super::at_start::{AtStart, MAX_TORQUE};
+use super::before::remember;
+use super::{AnyBus, Guide, SetupError, in_words, is_it, seen, who};
 use crate::drive::DriveMap;
+use crate::jog::JOGGED_IN;
 use crate::record::FoundDrive;
 
 /// Where a drive says by what it failed; and how long it is waited for that, cycles.
 const ERROR_CODE: ObjectAddress = ObjectAddress::new(0x603F, 0);
 const ASKING_CYCLES: u32 = 500;
-/// The mode, and that in which a jog turns a drive.
 const MODE: ObjectAddress = ObjectAddress::new(0x6060, 0);
-const JOGGED_IN: Mode = Mode::CyclicSynchronousVelocity;
 
 /// The segment in OP, every drive disabled.
 pub(super) struct Operational<C: Clock> {
@@ -62,19 +63,13 @@ impl<C: Clock> Guide<'_, C> {
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan().map_err(|error| in_words(&error))?;
         self.are_those_found(&bus)?;
-        let before = self.record.jogged.clone();
-        let is_kept = |drive: &&FoundDrive| {
-            before.iter().any(|one| has_its_numbers(one, drive) && one.was == drive.was)
-        };
-        let new: Vec<FoundDrive> =
-            self.record.drives.iter().filter(|drive| !is_kept(drive)).cloned().collect();
-        if !new.is_empty() {
-            self.record.jogged.extend(new);
-            self.kept();
+        if remember(&mut self.record) {
+            // Nobody could put back what is in no state.
+            (self.keep)(&self.record).map_err(SetupError::Unkept)?;
         }
         let cycle_ns = self.wished.cycle.as_nanos() as u32;
         let limit = SdoWrite {
-            object: ObjectAddress::new(0x6072, 0),
+            object: ObjectAddress::new(MAX_TORQUE, 0),
             data: self.wished.torque_per_mille.to_le_bytes().to_vec(),
             access: SdoAccess::Entry,
             refusal: Refusal::IsError,
@@ -94,19 +89,22 @@ impl<C: Clock> Guide<'_, C> {
             let position = found.position;
             let place = Some(Match::Position(position));
             let Some(drive) = self.record.drives.iter().find(|drive| drive.position == position) else {
-                let AtStart { pre_op, safe_op } = AtStart::of_device(&self.plan, found);
+                let AtStart { pre_op, safe_op, watchdogs } = AtStart::of_device(&self.plan, found);
                 return SubDeviceConfig {
                     place,
                     sdos: pre_op,
                     safe_op_sdos: safe_op,
+                    watchdogs,
                     ..SubDeviceConfig::default()
                 };
             };
-            let AtStart { pre_op, safe_op } = AtStart::of_drive(&self.plan, drive);
+            let AtStart { pre_op, safe_op, watchdogs } =
+                AtStart::of_drive(&self.plan, drive).of_known(&drive.was);
             SubDeviceConfig {
                 place,
                 sdos: [vec![limit.clone(), mode.clone()], pre_op].concat(),
                 safe_op_sdos: safe_op,
+                watchdogs,
                 own_bytes: true,
                 dc: DcConfig::Sync0 { cycle_ns, shift_ns: 0 },
                 sync_mode: Some(SyncMode::Sync0),
@@ -115,6 +113,7 @@ impl<C: Clock> Guide<'_, C> {
         };
         let configs: Vec<SubDeviceConfig> = bus.subdevices().iter().map(config).collect();
         bus.configure(&configs).map_err(|error| in_words(&error))?;
+        check_watchdogs(&mut bus, &self.plan.bus).map_err(|error| in_words(&error))?;
         self.are_in_their_mode(&mut bus)?;
         let handover = bus.into_cyclic(ClockDirection::CycleFollowsDc).map_err(|error| in_words(&error))?;
         let Handover { bus, clock, subdevices } = handover;
@@ -142,7 +141,7 @@ impl<C: Clock> Guide<'_, C> {
 
     /// A drive that isn't told its mode in each cycle is in that of a jog by now: in another one it would go where nobody told it,
     /// to position 0 for one.
-    fn are_in_their_mode(&self, bus: &mut Bus<Box<dyn Link>, C>) -> Result<(), SetupError> {
+    fn are_in_their_mode(&self, bus: &mut AnyBus<C>) -> Result<(), SetupError> {
         let wanted = JOGGED_IN.code() as u8;
         for drive in &self.record.drives {
             let one = &bus.subdevices()[usize::from(drive.position)];
@@ -167,7 +166,7 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Each drive is where it was found: another one in its place would be turned for it.
-    pub(super) fn are_those_found(&self, bus: &Bus<Box<dyn Link>, C>) -> Result<(), SetupError> {
+    pub(super) fn are_those_found(&self, bus: &AnyBus<C>) -> Result<(), SetupError> {
         for was in &self.record.drives {
             let now = bus.subdevices().get(usize::from(was.position)).map(seen);
             if !now.as_ref().is_some_and(|now| is_it(was, now)) {

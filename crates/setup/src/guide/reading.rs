@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use omnibase_ethercat::start_up::{ReadBack, SdoAccess};
 use omnibase_ethercat::wire::coe::ObjectAddress;
-use omnibase_ethercat::wire::{Clock, Link, sii};
+use omnibase_ethercat::wire::{Clock, sii};
 use omnibase_ethercat::{Bus, BusOptions};
 
 use omnibase_robot::RobotPlan;
@@ -13,7 +13,7 @@ use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 
 use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE, STORE};
 use super::before::{recall, see_again};
-use super::{Guide, SetupError, in_words, is_it, is_product, seen, who};
+use super::{AnyBus, Guide, SetupError, in_words, is_it, is_product, seen, who};
 use crate::record::{FoundDevice, FoundDrive, Record, Step};
 
 /// The profile of drives in 0x1000.
@@ -29,8 +29,6 @@ const IN_COUNTS: [u16; 12] =
 const TOLD_COUNTS: RangeInclusive<f64> = 1.0..=268_435_456.0;
 /// Turns of a motor per turn of its shaft that are believed.
 const TOLD_GEAR: RangeInclusive<f64> = 0.001..=1000.0;
-
-pub(super) type AnyBus<C> = Bus<Box<dyn Link>, C>;
 
 impl<C: Clock> Guide<'_, C> {
     /// The segment in PRE-OP, each SubDevice as it describes itself.
@@ -94,6 +92,18 @@ impl<C: Clock> Guide<'_, C> {
             );
             self.hand.tell(&text);
             self.record.note(text);
+            let unknown = AtStart::of_drive(&self.plan, drive).unknown(&drive.was);
+            if !unknown.is_empty() {
+                let objects: Vec<String> = unknown.iter().map(ToString::to_string).collect();
+                let text = format!(
+                    "SubDevice {}: jogs don't write {} as every start of the robot does: what stands there can't be read, so nobody could put \
+                     it back",
+                    drive.position,
+                    objects.join(", ")
+                );
+                self.hand.tell(&text);
+                self.record.note(text);
+            }
             let of_file = self.scale_of(drive).rated_torque_nm;
             if let Some(rated) = drive.rated_torque_nm.filter(|rated| (rated / of_file - 1.0).abs() > 0.01) {
                 let text = format!(
@@ -166,9 +176,10 @@ impl<C: Clock> Guide<'_, C> {
             let is_shown =
                 now.iter().any(|one| one.position == was.position && one.alias == was.written_alias);
             if is_shown && with_it.map(|one| one.position).eq([was.position]) {
-                (was.alias, was.is_by_position) = (was.written_alias.take(), false);
+                was.alias = was.written_alias.take();
+                let by = if was.is_by_position { "its position, as was wished" } else { "it" };
                 shown.push(format!(
-                    "SubDevice {} shows alias {} by now: it is found by it",
+                    "SubDevice {} shows alias {} by now: it is found by {by}",
                     was.position,
                     was.alias.unwrap_or_default()
                 ));
@@ -203,7 +214,7 @@ impl<C: Clock> Guide<'_, C> {
         let Ok(said) = self.choose("places".to_owned(), text, &choices) else { return Ok(false) };
         if said == choices[1] {
             self.record.note("drives may have been swapped: begun again with who is on the bus".to_owned());
-            self.record.done.clear();
+            self.record.begin_again();
             self.find()?;
             self.finish(Step::Find);
         }

@@ -12,6 +12,8 @@ use omnibase_ethercat_sim::VirtualClock;
 use super::*;
 
 mod left;
+mod motions;
+mod written;
 
 const BASE: &str = include_str!("../../../../robots/bmm.toml");
 
@@ -58,12 +60,13 @@ impl Hand for Nobody {
     }
 }
 
-/// Answers so whatever is asked, and holds no key.
+/// Answers so whatever is asked, but that the robot is the same, and holds no key.
 struct Says(&'static str);
 
 impl Hand for Says {
-    fn ask(&mut self, _: &Question) -> Answer {
-        Answer::Said(self.0.to_owned())
+    fn ask(&mut self, question: &Question) -> Answer {
+        let is_of_robot = question.id == "robot" && !question.choices.iter().any(|choice| choice == self.0);
+        Answer::Said(if is_of_robot { "same" } else { self.0 }.to_owned())
     }
 
     fn tell(&mut self, _: &str) {}
@@ -133,10 +136,16 @@ fn a_written_alias_that_another_has_is_not_believed() {
             Ok((Box::new(link), clock))
         };
         with_found(BASE, &mut open, &mut Nobody, |guide| {
-            (guide.record.drives[0].alias, guide.record.drives[0].written_alias) = (None, Some(7));
-            guide.compare().unwrap();
-            let drive = &guide.record.drives[0];
-            assert_eq!((drive.alias, drive.written_alias), expected, "the other one has {another}");
+            // Somebody wished it found by its position meanwhile, or didn't.
+            for is_by_position in [true, false] {
+                let drive = &mut guide.record.drives[0];
+                (drive.alias, drive.written_alias) = (None, Some(7));
+                drive.is_by_position = is_by_position;
+                guide.compare().unwrap();
+                let drive = &guide.record.drives[0];
+                assert_eq!((drive.alias, drive.written_alias), expected, "the other one has {another}");
+                assert_eq!(drive.is_by_position, is_by_position);
+            }
         });
     }
 }
@@ -171,11 +180,14 @@ fn drives_that_look_alike_are_jogged_again_where_nobody_knows_their_places() {
     let mut hand = Doubting(Vec::new());
     with_found(BASE, &mut open, &mut hand, |guide| {
         guide.record.done = vec![Step::Find, Step::Jog, Step::Name];
+        // Driven by wheels as they were known then.
+        (guide.record.legs, guide.record.takes_calibration) = (vec![crate::Leg::default()], true);
         for (drive, serial) in guide.record.drives.iter_mut().zip([0, 0, 9]) {
             (drive.wheel, drive.serial) = (Some(format!("wheel_{}", drive.position + 1)), serial);
         }
         assert!(guide.are_in_their_places().unwrap());
         assert_eq!(guide.record.done, [Step::Find]);
+        assert!(guide.record.legs.is_empty() && !guide.record.takes_calibration);
         assert!(guide.record.drives.iter().all(|drive| drive.wheel.is_none()));
     });
     assert!(hand.0.len() == 1 && hand.0[0].contains("SubDevices 0, 1 from others"), "{:?}", hand.0);
@@ -201,7 +213,8 @@ impl Link for Kept {
 /// What the file has written at every start is written for a jog, too, where every drive of the product has it.
 #[test]
 fn a_jog_begins_as_the_robot_does() {
-    let of_all = "parameters = [{ object = \"2100\", type = \"u8\", value = 0x51, state = \"safe_op\" }, ";
+    let of_all = "parameters = [{ object = \"2100\", type = \"u8\", value = 0x51, state = \"safe_op\" }, \
+                  { object = \"2345.0\", bytes = \"0100 07\", complete_access = true }, ";
     let of_one = "[[drive]]\nparameters = [{ object = \"2200\", type = \"u8\", value = 0x52 }]\n";
     let terminal = "[[device]]\nname = \"coupler\"\nposition = 3\nkind = \"io\"\n\
                     outputs = [{ pdo = \"0x1600\", map = \"7000.1:16\" }]\n\
@@ -226,7 +239,13 @@ fn a_jog_begins_as_the_robot_does() {
         assert_eq!(count([0x80, 0x00], 1, 0x53), 1, "the coupler");
         assert_eq!(count([0x22, 0x00], 0, 0x52), 0, "whose wheel it turns isn't known");
         let was: Vec<u16> = guide.record.drives[0].was.iter().map(|(index, ..)| *index).collect();
-        assert!(was.contains(&0x6085) && was.contains(&0x6072) && !was.contains(&0x2100), "{was:04x?}");
+        assert!([0x6085, 0x6072, 0x2100].iter().all(|index| was.contains(index)), "{was:04x?}");
+        // A whole object isn't read, so nobody could put it back.
+        let whole = [0x45, 0x23, 0x00];
+        assert!(sent.borrow().iter().all(|frame| frame.windows(3).all(|part| part != whole)));
+        let told =
+            guide.record.log.iter().filter(|line| line.contains(": jogs don't write 2345:00 as every"));
+        assert_eq!(told.count(), 3, "{:?}", guide.record.log);
     });
 }
 
@@ -353,5 +372,16 @@ fn another_drive_than_was_jogged_does_not_drive_on_the_floor() {
         guide.record.drives[1].serial = 99;
         let ended = guide.first_metre();
         assert!(matches!(ended, Err(SetupError::Changed { position: 1, .. })), "{ended:?}");
+    });
+}
+
+/// What was taken of an earlier calibration isn't where somebody goes on without one.
+#[test]
+fn who_goes_on_without_a_calibration_takes_none() {
+    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> { panic!("nothing is opened") };
+    let record = Record { takes_calibration: true, ..Record::default() };
+    with_record(BASE, record, &mut open, &mut Says("go on"), |guide| {
+        assert!(guide.calibrate().unwrap());
+        assert!(!guide.record.takes_calibration);
     });
 }

@@ -36,13 +36,20 @@ fn an_alias_that_two_drives_have_is_written_anew() {
     let named = Circumstances { places, has_memory: true, ..Circumstances::default() };
     let found =
         set_up_where(named, &robot, &mut |question| question.id.starts_with("name ").then(|| said("alias")));
-    let named: Vec<&str> =
+    let asked: Vec<&str> =
         found.asked.iter().map(|(id, _)| id.as_str()).filter(|id| id.starts_with("name ")).collect();
-    assert_eq!(named, ["name 0", "name 2"]);
+    assert_eq!(asked, ["name 0", "name 2"]);
     for alias in [1, 6, 3] {
         assert!(found.text.contains(&format!("alias = {alias} ")), "{}", found.text);
     }
     assert!(found.told.join("\n").contains("its drive has alias 5, as SubDevice 2 has"), "{:?}", found.told);
+    // Nobody switched anything off: the old ones still show, and neither drive is found by them.
+    let found = set_up_where(named, &robot, &mut |question| match question.id.as_str() {
+        "power" => Some(said("")),
+        id => id.starts_with("name ").then(|| said("alias")),
+    });
+    assert!(found.text.contains("alias = 6 ") && !found.text.contains("alias = 5"), "{}", found.text);
+    assert_eq!(found.text.matches("\nposition = ").count(), 2, "{}", found.text);
 }
 
 /// Two drives with one alias that nobody writes anew: by it neither is found, so their places are in the file, which can be driven.

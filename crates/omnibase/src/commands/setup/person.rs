@@ -115,7 +115,6 @@ fn hear(heard: &Heard, longest: Duration) -> bool {
                 _ => heard.let_go(),
             }
         }
-        Ok(Event::FocusLost) => heard.let_go(),
         Ok(_) => {}
         Err(_) => heard.gone(),
     }

@@ -251,12 +251,18 @@ fn what_was_in_drives_that_look_alike_is_put_back_once_their_places_are_known() 
     let left = max_torques(&link, &clock);
     assert!(left.iter().zip(as_found).all(|(left, was)| *left != was), "{left:?}");
     // Asked where they are, he leaves.
-    with_record(BASE, Record::from_json(&kept).unwrap(), &mut open, &mut Nobody, |guide| {
-        assert_eq!(guide.run().unwrap(), Ended::Left(None));
-        let words = guide.record.findings.join("\n");
-        assert!(words.contains("SubDevice 0: nobody said that it is where it was"), "{words}");
-        assert_eq!(guide.record.jogged.len(), 3);
-    });
+    with_record(
+        BASE,
+        Record::from_json(&kept).unwrap(),
+        &mut open,
+        &mut Says("nothing that is asked"),
+        |guide| {
+            assert_eq!(guide.run().unwrap(), Ended::Left(None));
+            let words = guide.record.findings.join("\n");
+            assert!(words.contains("SubDevice 0: nobody said that it is where it was"), "{words}");
+            assert_eq!(guide.record.jogged.len(), 3);
+        },
+    );
     assert_eq!(max_torques(&link, &clock), left);
     with_record(BASE, Record::from_json(&kept).unwrap(), &mut open, &mut Says("as before"), |guide| {
         guide.compare().unwrap();
@@ -287,7 +293,7 @@ fn one_that_is_gone_of_those_that_look_alike_stays_remembered() {
     });
     injector.inject(2, Fault::PowerOff);
     let record = Record { jogged, ..Record::default() };
-    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
+    with_record(BASE, record, &mut open, &mut Says("same"), |guide| {
         assert!(matches!(guide.run(), Err(SetupError::TooFewDrives { wheels: 3, drives: 2 })));
         let words: Vec<&String> =
             guide.record.findings.iter().filter(|words| words.contains("isn't among the drives")).collect();

@@ -1,0 +1,129 @@
+//! Files of a set-up: whose they are, and what stays whole.
+
+use super::*;
+
+#[test]
+fn a_file_that_no_set_up_wrote_is_left_alone_and_a_state_is_whole_or_the_old_one() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let told = beside(&file, "record.md");
+    let left = Record { done: vec![Step::Find], ..Record::default() };
+    let ended = Record { done: Step::ALL.to_vec(), ..Record::default() };
+    assert!(is_own(&file, &told, None).is_ok());
+    // What is there and can't be read is somebody's.
+    std::fs::create_dir(&file).unwrap();
+    assert!(is_own(&file, &told, None).unwrap_err().to_string().contains("mine.toml"));
+    std::fs::remove_dir(&file).unwrap();
+    std::fs::write(&file, "by hand").unwrap();
+    for before in [None, Some(&left)] {
+        let words = is_own(&file, &told, before).unwrap_err().to_string();
+        assert!(words.contains("mine.toml` exists, and no set-up wrote it"), "{words}");
+    }
+    assert!(is_own(&file, &told, Some(&ended)).is_ok());
+    // Begun anew it is still one that a set-up wrote; changed since, it isn't.
+    let anew = |written: &str| Record { written: Some(written.to_owned()), ..Record::default() };
+    assert!(is_own(&file, &told, Some(&anew("by hand"))).is_ok());
+    let words = is_own(&file, &told, Some(&anew("by a set-up"))).unwrap_err().to_string();
+    assert!(words.contains("mine.toml` was changed since the set-up wrote it"), "{words}");
+    std::fs::write(&told, "precious").unwrap();
+    let words = is_own(&file, &told, Some(&ended)).unwrap_err().to_string();
+    assert!(words.contains("mine.record.md` exists"), "{words}");
+    std::fs::write(&told, in_words(&ended)).unwrap();
+    assert!(is_own(&file, &told, Some(&ended)).is_ok());
+
+    let state = beside(&file, "state.json");
+    assert_eq!(kept_record(&state).unwrap(), None);
+    write_whole(&state, left.to_json()).unwrap();
+    assert_eq!(kept_record(&state).unwrap(), Some(left));
+    // Where the new one can't be written the old one stays.
+    std::fs::create_dir(folder.path().join("mine.state.json.new")).unwrap();
+    assert!(write_whole(&state, "half").is_err());
+    assert!(kept_record(&state).unwrap().is_some());
+    std::fs::write(&state, "half").unwrap();
+    assert!(kept_record(&state).unwrap_err().to_string().contains("mine.state.json"));
+}
+
+#[test]
+fn ways_that_no_wheels_fit_keep_no_file_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let mut written = None;
+    let calibrated = Err(SetupError::Bus("no wheels fit".to_owned()));
+    let ended = Ended::File("name = 1".to_owned());
+    let ended = finished(&file, &Record::default(), ended, calibrated, &mut written);
+    let words = format!("{:#}", ended.unwrap_err());
+    assert!(words.contains("without the wheels") && words.contains("no wheels fit"), "{words}");
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "name = 1");
+    assert_eq!(written.as_deref(), Some("name = 1"));
+}
+
+#[test]
+fn a_set_up_begun_anew_twice_has_both_that_were_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    for expected in ["mine.state.before.json", "mine.state.before.2.json", "mine.state.before.3.json"] {
+        let path = free(&file, "state.before", "json").unwrap();
+        assert_eq!(path, folder.path().join(expected));
+        std::fs::write(&path, expected).unwrap();
+    }
+}
+
+#[test]
+fn an_eeprom_is_kept_beside_what_was_kept_before() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let kept = |end: &str| std::fs::read(beside(&file, end)).ok();
+    std::fs::write(beside(&file, "eeprom-1.bin"), "something else").unwrap();
+    for _ in 0..2 {
+        back_up(&file, 1, b"first").unwrap();
+    }
+    back_up(&file, 1, b"second").unwrap();
+    assert_eq!(kept("eeprom-1.bin").unwrap(), b"something else");
+    assert_eq!(kept("eeprom-1.2.bin").unwrap(), b"first");
+    assert_eq!(kept("eeprom-1.3.bin").unwrap(), b"second");
+    assert_eq!(kept("eeprom-1.4.bin"), None);
+}
+
+#[test]
+fn a_state_is_there_at_every_instant_of_beginning_anew() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let state = beside(&file, "state.json");
+    assert_eq!(set_aside(&file, &state).unwrap(), None);
+    std::fs::write(&state, "what was jogged").unwrap();
+    let aside = set_aside(&file, &state).unwrap().unwrap();
+    for path in [state, aside] {
+        assert_eq!(std::fs::read_to_string(&path).unwrap(), "what was jogged", "{path:?}");
+    }
+}
+
+#[test]
+fn a_file_that_somebody_writes_while_the_set_up_runs_is_left_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let written = |text: &str| Record { written: Some(text.to_owned()), ..Record::default() };
+    for begun in [Record::default(), written("name = 1")] {
+        std::fs::write(&file, "name = 2").unwrap();
+        let mut now = begun.written.clone();
+        let ended = Ended::File("name = 3".to_owned());
+        let words = format!("{:#}", finished(&file, &begun, ended, Ok(None), &mut now).unwrap_err());
+        assert!(words.contains("put that file elsewhere") && words.contains("mine.toml` "), "{words}");
+        assert_eq!((std::fs::read_to_string(&file).unwrap().as_str(), &now), ("name = 2", &begun.written));
+    }
+    let mut now = None;
+    let ended = Ended::File("name = 3".to_owned());
+    finished(&file, &written("name = 2"), ended, Ok(None), &mut now).unwrap();
+    assert_eq!(
+        (std::fs::read_to_string(&file).unwrap().as_str(), now.as_deref()),
+        ("name = 3", Some("name = 3"))
+    );
+}
+
+#[test]
+fn what_a_jog_left_is_known_with_its_robot_when_a_set_up_is_begun_anew() {
+    let jogged = vec![omnibase_setup::FoundDrive::default()];
+    let before =
+        Record { robot: Some("wheels".to_owned()), jogged, done: vec![Step::Find], ..Record::default() };
+    let expected = Record { done: Vec::new(), ..before.clone() };
+    assert_eq!(anew(before), expected);
+}
