@@ -174,7 +174,7 @@ impl WiringWatch {
                 self.suppose(period_s);
             }
             if let Some((_, turn)) = &mut self.by_turn {
-                turn.look(&self.platform, &self.rims, period_s);
+                turn.look(&self.platform, &self.rims, &self.suppositions, period_s);
             }
         }
     }

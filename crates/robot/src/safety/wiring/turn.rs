@@ -4,7 +4,7 @@
 //! while its wheels do, on blocks or on ice, like a gyro that says nothing: where one of these explains the turn as well, no wires are
 //! named. A likelihood has the tails of a Student's distribution, as those of forces (`supposition.rs`).
 
-use super::supposition::{Platform, Rims, Wiring};
+use super::supposition::{Platform, Rims, Supposition, Wiring};
 use super::{MARGIN, REFUTED, SCORE};
 
 /// By how much a gyro may differ from the wheels' turn: its bias, rad/s; the floor's creep and slip, over what the wheels' speeds make
@@ -95,8 +95,14 @@ impl TurnWatch {
             .map(|told_rad_s| keep * self.turn_rad_s.unwrap_or(told_rad_s) + (1.0 - keep) * told_rad_s);
     }
 
-    /// Looks at it beside the rims, once a cycle of a motion.
-    pub(super) fn look(&mut self, platform: &Platform, rims: &Rims, period_s: f64) {
+    /// Looks at it beside the rims, once a cycle of a motion, and at what forces tell of the file's wires and then of the others.
+    pub(super) fn look(
+        &mut self,
+        platform: &Platform,
+        rims: &Rims,
+        by_forces: &[Supposition],
+        period_s: f64,
+    ) {
         let Some(turn_rad_s) = self.turn_rad_s else { return };
         let misfit = |cause: Cause| {
             let (wiring, told_rad_s) = match cause {
@@ -128,24 +134,26 @@ impl TurnWatch {
             guess.misfit = lasting(guess.misfit, own, round_s);
         }
         if self.named.is_none() {
-            let judged = self.judge();
+            let judged = self.judge(by_forces);
             let passed_s = if judged.is_some() { period_s } else { -period_s };
             self.explained_s = (self.explained_s + passed_s).max(0.0);
             self.named = judged.filter(|_| self.explained_s > LASTING_S.max(2.0 * round_s));
         }
     }
 
-    /// The wheel that is the first to be looked at, where other wires explain the turn.
-    fn judge(&self) -> Option<usize> {
-        let wires = self.guesses.iter().filter(|guess| matches!(guess.cause, Cause::Wires(_)));
-        let best = wires.max_by(|one, other| one.score.total_cmp(&other.score))?;
+    /// The wheel that is the first to be looked at, where other wires explain the turn. Which of them do forces tell, too.
+    fn judge(&self, by_forces: &[Supposition]) -> Option<usize> {
+        // The gyro's own causes come last, and no force tells of them.
+        let forces = by_forces[1..].iter().map(|other| other.score).chain(std::iter::repeat(0.0));
+        let scored =
+            || self.guesses.iter().zip(forces.clone()).map(|(guess, more)| (guess, guess.score + more));
+        let wires = scored().filter(|(guess, _)| matches!(guess.cause, Cause::Wires(_)));
+        let (best, score) = wires.max_by(|(_, one), (_, other)| one.total_cmp(other))?;
         // Which two are swapped can't be told on some layouts; that two are can.
-        let others = self
-            .guesses
-            .iter()
-            .filter(|other| other.cause != best.cause && !(best.is_swap() && other.is_swap()));
-        let second = others.map(|other| other.score).fold(0.0, f64::max);
-        let is_clear = best.score > SCORE && best.score - second > MARGIN;
+        let others =
+            scored().filter(|(other, _)| other.cause != best.cause && !(best.is_swap() && other.is_swap()));
+        let second = others.map(|(_, score)| score).fold(0.0, f64::max);
+        let is_clear = score > SCORE && score - second > MARGIN;
         let explains = self.of_file > MISFIT && best.misfit < LEFT.min(LEFT_SHARE * self.of_file);
         match best.cause {
             Cause::Wires(Wiring::Turned(wheel) | Wiring::Swapped(wheel, _)) if is_clear && explains => {
