@@ -76,7 +76,7 @@ pub struct Case {
     pub estimate: f64,
     /// More of the table `simulation` and what follows it.
     pub world: String,
-    /// What part of its turn its gyro tells, where it has one.
+    /// What part of its turn its gyro tells, where it has one; negative: of the opposite.
     pub gyro: Option<f64>,
     /// A push on its way.
     pub push: Option<Push>,
@@ -189,7 +189,10 @@ impl Case {
             }
         };
         let gyro = self.gyro.map_or_else(String::new, |tells| {
-            let told = GYRO.replace("scale_error = 0.002", &format!("scale_error = {:?}", tells - 1.0));
+            let scale = format!("sigma_rad_s = 0.002\nscale = {:?}", f64::signum(tells));
+            let told = GYRO
+                .replace("scale_error = 0.002", &format!("scale_error = {:?}", tells.abs() - 1.0))
+                .replace("sigma_rad_s = 0.002", &scale);
             format!("[estimator]\nkind = \"fused\"\n{told}[safety]\ngyro_input = \"imu.turn\"\n")
         });
         format!("{text}{limited}{}\n[reference]\n{path}\n{gyro}", self.world)
