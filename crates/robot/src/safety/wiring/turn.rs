@@ -54,6 +54,7 @@ impl Guess {
 /// The watch: in each cycle it looks at one cause.
 #[derive(Clone, Debug)]
 pub(super) struct TurnWatch {
+    /// Wires, and then what may be wrong with the gyro.
     guesses: Box<[Guess]>,
     next: usize,
     /// The platform's turn by its gyro, behind the rims' low-pass, rad/s.
@@ -143,17 +144,17 @@ impl TurnWatch {
 
     /// The wheel that is the first to be looked at, where other wires explain the turn. Which of them do forces tell, too.
     fn judge(&self, by_forces: &[Supposition]) -> Option<usize> {
-        // The gyro's own causes come last, and no force tells of them.
-        let forces = by_forces[1..].iter().map(|other| other.score).chain(std::iter::repeat(0.0));
+        let (wires, own) = self.guesses.split_at(by_forces.len() - 1);
         let scored =
-            || self.guesses.iter().zip(forces.clone()).map(|(guess, more)| (guess, guess.score + more));
-        let wires = scored().filter(|(guess, _)| matches!(guess.cause, Cause::Wires(_)));
-        let (best, score) = wires.max_by(|(_, one), (_, other)| one.total_cmp(other))?;
+            || wires.iter().zip(&by_forces[1..]).map(|(guess, forces)| (guess, guess.score + forces.score));
+        let (best, score) = scored().max_by(|(_, one), (_, other)| one.total_cmp(other))?;
         // Which two are swapped can't be told on some layouts; that two are can.
         let others =
             scored().filter(|(other, _)| other.cause != best.cause && !(best.is_swap() && other.is_swap()));
         let second = others.map(|(_, score)| score).fold(0.0, f64::max);
-        let is_clear = score > SCORE && score - second > MARGIN;
+        // No force tells of the gyro.
+        let of_gyro = own.iter().map(|guess| guess.score).fold(0.0, f64::max);
+        let is_clear = score > SCORE && score - second > MARGIN && best.score - of_gyro > MARGIN;
         let explains = self.of_file > MISFIT && best.misfit < LEFT.min(LEFT_SHARE * self.of_file);
         match best.cause {
             Cause::Wires(Wiring::Turned(wheel) | Wiring::Swapped(wheel, _)) if is_clear && explains => {
