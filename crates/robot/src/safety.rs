@@ -204,10 +204,12 @@ impl SafetyChain {
     /// What a slipping wheel counts is no way of the platform: it isn't where it is believed to be.
     fn slip(&self, view: &SafetyView<'_>) -> Objection {
         // By speed a wheel that is wired backwards slips as well, or makes others slip: that it is wired so says more.
-        let times = match () {
-            () if !self.is_by_torque(view) && self.wiring.may_explain() => SLIP_BY_WIRES,
-            () if self.wiring.may_turn() => SLIP_BY_TURN,
-            () => 1.0,
+        let times = if !self.is_by_torque(view) && self.wiring.may_explain() {
+            SLIP_BY_WIRES
+        } else if self.wiring.may_turn() {
+            SLIP_BY_TURN
+        } else {
+            1.0
         };
         let most_m = self.plan.slip_m * times;
         let wheel = view.grip.slipped_m.iter().position(|way_m| *way_m > most_m)?;

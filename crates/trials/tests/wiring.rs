@@ -107,18 +107,6 @@ fn a_gyro_that_is_wrong_itself_names_no_wheel() {
 }
 
 #[test]
-fn wheels_that_turn_in_the_air_are_not_said_to_be_swapped() {
-    // As little as rollers that roll allow.
-    let world = "static_friction = 0.031\nsliding_friction = 0.031\n".to_owned();
-    for path in ["tangent", "spiral"] {
-        let plain = Case::plain("mecanum", "closed_loop_speed", path, Fault::None);
-        let named = Case { gyro: Some(1.0), world: world.clone(), ..plain }.ride(FAR_M);
-        println!("{path}: {named:?}");
-        assert_ne!(named.reason, SafetyReason::Wiring, "{path}: {named:?}");
-    }
-}
-
-#[test]
 fn no_robot_that_is_as_its_file_says_is_named() {
     let mut wrong = 0;
     for seed in 1..=ROBOTS {

@@ -249,6 +249,14 @@ fn a_jog_begins_as_the_robot_does() {
     });
 }
 
+/// The simulated drives of a robot's file.
+fn drives_of(base: &str) -> (Powered, VirtualClock) {
+    let plan = robot_file::plan(base, &Registry::with_built_in()).unwrap();
+    let segment = omnibase_run::simulated::segment(&plan).unwrap().0;
+    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+    (Powered(Rc::new(RefCell::new(link))), clock)
+}
+
 /// A segment that keeps its supply, whoever is at its end.
 #[derive(Clone)]
 struct Powered(Rc<RefCell<omnibase_ethercat_sim::SimLink>>);
@@ -282,9 +290,7 @@ fn max_torques(link: &Powered, clock: &VirtualClock) -> Vec<u16> {
 /// A drive whose map has no mode isn't turned in the one that it happens to have: by position it would go to 0.
 #[test]
 fn a_drive_that_maps_no_mode_is_told_it_before() {
-    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = drives_of(BASE);
     let mode = ObjectAddress::new(0x6060, 0);
     let mut bus = by_tool(&link, &clock);
     let entries: [(u16, u8, &[u8]); 8] = [
@@ -335,9 +341,7 @@ impl Link for Interrupted {
 /// A wheel that is pushed while nobody hears of it hasn't held.
 #[test]
 fn a_wheel_that_is_not_seen_for_a_while_has_not_held() {
-    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = drives_of(BASE);
     let link = Interrupted { link, sent: Rc::default(), lost: Rc::default() };
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };

@@ -5,9 +5,7 @@ use super::*;
 /// The program was killed in a jog and all drives are found again: what a jog left in them isn't taken for what was there before.
 #[test]
 fn what_was_there_before_the_first_jog_is_remembered_where_drives_are_found_again() {
-    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = drives_of(BASE);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let max_torque = |record: &Record| {
@@ -46,9 +44,7 @@ fn what_was_there_before_the_first_jog_is_remembered_where_drives_are_found_agai
 /// Left in order, then one was set by the maker's tool, and the file got a parameter more: both are as somebody had them in the end.
 #[test]
 fn what_was_set_while_the_set_up_was_left_is_what_is_put_back() {
-    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = drives_of(BASE);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let mut record = Record::default();
@@ -95,9 +91,7 @@ fn what_a_jog_left_is_not_seen_again() {
 /// Nobody knows what a drive's max torque was before it was jogged: what the jog left there isn't stored for ever.
 #[test]
 fn what_a_jog_left_in_a_drive_is_not_stored() {
-    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = drives_of(BASE);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     // As whoever mapped it left it at its end.
@@ -311,9 +305,7 @@ fn one_that_is_gone_of_those_that_look_alike_stays_remembered() {
 /// Those that are there have back what they held before anybody is asked.
 #[test]
 fn a_drive_that_is_gone_is_told_until_somebody_has_it_forgotten() {
-    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = drives_of(BASE);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let gone = FoundDrive { serial: 12_345, position: 2, ..FoundDrive::default() };

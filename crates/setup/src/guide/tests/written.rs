@@ -6,9 +6,7 @@ use super::*;
 #[test]
 fn what_the_file_no_longer_has_is_not_put_back() {
     let more = "parameters = [{ object = \"6065\", type = \"u32\", value = 77 }, ";
-    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = drives_of(BASE);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let mut record = Record::default();
@@ -34,9 +32,7 @@ fn what_the_file_no_longer_has_is_not_put_back() {
 fn what_is_written_in_safe_op_is_put_back() {
     let more = "parameters = [{ object = \"6065\", type = \"u32\", value = 77, state = \"safe_op\" }, ";
     let base = BASE.replacen("parameters = [", more, 1);
-    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = drives_of(BASE);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let window = || {
@@ -55,9 +51,7 @@ fn what_is_written_in_safe_op_is_put_back() {
 /// A disk that is full keeps nothing: a jog writes nothing over that nobody could put back.
 #[test]
 fn what_cannot_be_kept_is_not_written_over() {
-    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = drives_of(BASE);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let (mut keep, mut back_up) = (|_: &Record| Err("no space".to_owned()), |_: u16, _: &[u8]| Ok(()));
@@ -75,9 +69,7 @@ fn what_cannot_be_kept_is_not_written_over() {
 /// held and is forgotten then.
 #[test]
 fn drives_that_were_jogged_elsewhere_get_back_what_they_held() {
-    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = drives_of(BASE);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let mut jogged = Vec::new();
@@ -173,9 +165,7 @@ fn what_one_robot_held_is_not_put_into_another() {
 /// A drive doesn't store what a jog left in it: torque, mode or synchronisation, whatever the torque of this set-up is.
 #[test]
 fn nothing_that_a_jog_left_is_stored() {
-    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(omnibase_run::simulated::segment(&plan).unwrap().0);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = drives_of(BASE);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     with_found(BASE, &mut open, &mut Nobody, |guide| {
