@@ -71,7 +71,7 @@ impl Told {
 pub struct Flaw {
     kind: FlawKind,
     told: Told,
-    /// What was told of a clock of poses while wheels gripped for sure.
+    /// What was told of it while wheels gripped for sure.
     gripping: Told,
     /// There is such a sensor, and it spoke.
     is_followed: bool,
@@ -119,6 +119,14 @@ impl Flaw {
     /// How much of what is seen it explains: chi².
     fn explains(&self) -> f64 {
         self.told.times_size * self.size()
+    }
+
+    /// How much of it wheels explain that lag: where they grip for sure, by little.
+    fn explains_as_lag(&self) -> f64 {
+        let Told { times_size, weight, .. } = self.gripping;
+        let (slips, slips_weight) = (self.told.times_size - times_size, (self.told.weight - weight).max(0.0));
+        times_size * times_size / (weight + LAG)
+            + slips * slips / (slips_weight + USUAL[FlawKind::Clock as usize])
     }
 }
 
@@ -188,7 +196,7 @@ impl Knowledge {
         for (place, flaw) in followed {
             let told = told(place, innovation);
             flaw.told.add(told);
-            if flaw.kind == FlawKind::ClockOfPoses && self.strained_s == 0.0 {
+            if self.strained_s == 0.0 {
                 flaw.gripping.add(told);
             }
         }
@@ -257,7 +265,7 @@ impl Knowledge {
         let others = || {
             let is_others = |flaw: &usize| !WHEELS.contains(flaw) && own.iter().all(|(own, _)| flaw != own);
             let most = (0..FLAWS).filter(is_others).map(explain).fold(0.0, f64::max);
-            most.max(explain(WHEELS[0]) + explain(WHEELS[1]))
+            most.max(WHEELS.map(|wheels| self.flaws[wheels].explains_as_lag()).iter().sum())
         };
         let is_off = |(place, least): &(usize, f64)| {
             let flaw = &self.flaws[*place];
