@@ -28,6 +28,7 @@ use omnibase_robot::signals::{DriveMeasurement, MAX_DEVICES};
 use omnibase_robot::{Exchange, ProcessImage, RobotPlan};
 
 pub use error::{SessionError, WatchdogRegisters};
+pub use modes::supported_modes;
 
 /// Cycles in which drives are asked by SDO what is wrong with them.
 const ASKING_CYCLES: u32 = 200;
@@ -183,11 +184,7 @@ impl<L: Link, C: Clock> Session<L, C> {
         check_cycle(&bus, plan)?;
         check_watchdogs(&mut bus, &plan.bus)?;
         modes::check(&mut bus, plan)?;
-        let direction = match plan.bus.clock_source {
-            ClockSource::DistributedClock => ClockDirection::CycleFollowsDc,
-            ClockSource::Host => ClockDirection::DcFollowsHost,
-        };
-        let Handover { bus, clock, subdevices } = bus.into_cyclic(direction)?;
+        let Handover { bus, clock, subdevices } = bus.into_cyclic(clock_direction(&plan.bus))?;
         let (wiring, peripherals) = wire(plan, &bus, &subdevices)?;
         let image = bus.plan().image();
         let paced = PacedBus::new(bus, clock, pace(&plan.bus));
@@ -395,7 +392,16 @@ pub fn check_watchdogs<L: Link, C: Clock>(bus: &mut Bus<L, C>, plan: &BusPlan) -
     Ok(())
 }
 
-fn pace(bus: &BusPlan) -> Pace {
+/// Who follows whom, where there are distributed clocks.
+pub fn clock_direction(bus: &BusPlan) -> ClockDirection {
+    match bus.clock_source {
+        ClockSource::DistributedClock => ClockDirection::CycleFollowsDc,
+        ClockSource::Host => ClockDirection::DcFollowsHost,
+    }
+}
+
+/// The cycle, and who leads it.
+pub fn pace(bus: &BusPlan) -> Pace {
     let leader = match (bus.synchronisation, bus.clock_source) {
         (Synchronisation::Sync0, ClockSource::DistributedClock) => Leader::ReferenceClock,
         (Synchronisation::Sync0, ClockSource::Host) => Leader::Host,

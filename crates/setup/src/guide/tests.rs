@@ -12,6 +12,7 @@ use omnibase_ethercat_sim::VirtualClock;
 use super::*;
 
 mod left;
+mod maps;
 mod motions;
 mod written;
 
