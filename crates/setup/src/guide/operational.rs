@@ -30,8 +30,8 @@ const ERROR_CODE: ObjectAddress = ObjectAddress::new(0x603F, 0);
 const ASKING_CYCLES: u32 = 500;
 const MODE: ObjectAddress = ObjectAddress::new(0x6060, 0);
 const MODE_SHOWN: ObjectAddress = ObjectAddress::new(0x6061, 0);
-/// What a jog tells, or leaves at nothing: control word, mode, speed, max torque.
-const TOLD: [u16; 4] = [0x6040, 0x6060, 0x60FF, MAX_TORQUE];
+/// What a jog tells, or leaves at nothing: control word, mode, max torque; targets, and what is added to them.
+const TOLD: [u16; 10] = [0x6040, 0x6060, MAX_TORQUE, 0x60FF, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1];
 
 /// What objects of drives hold, by the drive's position.
 type Values = BTreeMap<(u16, ObjectAddress), Vec<u8>>;

@@ -94,7 +94,7 @@ fn what_else_a_drive_maps_is_as_it_was_behind_a_jog() {
     let entry = |(index, bits): (u16, u8)| {
         format!("<Entry><Index>#x{index:04X}</Index><SubIndex>0</SubIndex><BitLen>{bits}</BitLen></Entry>")
     };
-    let more: String = [(0x6085, 32), (0x6084, 32), (0x60E0, 16)].map(entry).concat();
+    let more: String = [(0x6085, 32), (0x6084, 32), (0x60E0, 16), (0x60B1, 32)].map(entry).concat();
     let (link, clock) = made(&[(TARGET_TORQUE, &format!("{TARGET_TORQUE}{more}"))]);
     let mut bus = by_tool(&link, &clock);
     for (index, value) in MORE {
@@ -103,6 +103,9 @@ fn what_else_a_drive_maps_is_as_it_was_behind_a_jog() {
             bus.sdo_write(position, ObjectAddress::new(index, 0), bytes).unwrap();
         }
     }
+    // What is added to a speed is a command, of whoever gave it last.
+    let offset = ObjectAddress::new(0x60B1, 0);
+    bus.sdo_write(1, offset, &9_999_i32.to_le_bytes()).unwrap();
     drop(bus);
     // Its own map will do, so it stays.
     assert_eq!(jogged(&base("sync0", true), &link, &clock), Ok(JogEnd::LetGo));
@@ -114,6 +117,7 @@ fn what_else_a_drive_maps_is_as_it_was_behind_a_jog() {
             assert_eq!(found, value, "{index:04x} of {position}");
         }
     }
+    assert_eq!(bus.sdo_read(1, offset, SdoAccess::Entry).unwrap(), [0; 4]);
 }
 
 /// Most drives are delivered with a map of positions.
