@@ -448,7 +448,8 @@ fn elements_by_hundreds_are_told_and_end_nothing() {
         "<Dc><OpMode><Name>a</Name></OpMode></Dc>",
         "<Mailbox><CoE><InitCmd><Transition>PS</Transition><Index>#x2000</Index><SubIndex>0</SubIndex><Data>00</Data></InitCmd></CoE></Mailbox>",
     ];
-    for (element, count) in repeated.iter().flat_map(|one| [0, 31, 32, 254, 255, 256, 600].map(|n| (one, n))) {
+    for (element, count) in repeated.iter().flat_map(|one| [0, 31, 32, 254, 255, 256, 600].map(|n| (one, n)))
+    {
         let file = with_device(&element.repeat(count));
         let said = doubts(&file);
         let bytes = image::eeprom(&file.devices[0], 1).emit();
@@ -456,7 +457,8 @@ fn elements_by_hundreds_are_told_and_end_nothing() {
         if element.starts_with("<Sm") {
             // One stands there before.
             let beyond = (1 + count).saturating_sub(32);
-            let told = file.notes.problems.iter().filter(|one| one.text.contains("more than 32 SyncManagers"));
+            let told =
+                file.notes.problems.iter().filter(|one| one.text.contains("more than 32 SyncManagers"));
             assert_eq!(told.count(), beyond.min(file.notes.problems.len()), "{element} {count}");
             assert_eq!(said.iter().any(|one| one.contains("more than 32 SyncManagers")), beyond > 0);
             assert_eq!(file.devices[0].sync_managers.len(), (1 + count).min(32));

@@ -171,8 +171,11 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let words = match &finished {
         Ok(true) => {
             let (file, told) = (arguments.output.display(), told.display());
+            let passed_over = passed_over(&record).map_or(String::new(), |words| {
+                format!("\nPASSED OVER, and offered again by the same command: {words}")
+            });
             format!(
-                "{file} is written; {} findings, in {told}\nnext: omnibase check {file}, and what a tape can't show: omnibase calibrate {file}",
+                "{file} is written; {} findings, in {told}{passed_over}\nnext: omnibase check {file}, and what a tape can't show: omnibase calibrate {file}",
                 record.findings.len()
             )
         }
@@ -385,12 +388,23 @@ fn with_wheels(text: &str, calibrated: &Calibrated) -> anyhow::Result<String> {
     Ok(text)
 }
 
+/// What of the steps that are over somebody went on without, in words.
+fn passed_over(record: &Record) -> Option<String> {
+    let all: Vec<String> = record.done.iter().filter_map(|step| record.passed_over_of(*step)).collect();
+    (!all.is_empty()).then(|| all.join("; "))
+}
+
 /// The record for people.
 fn in_words(record: &Record) -> String {
     let mut text = String::from(RECORD_HEAD);
-    let done: Vec<&str> = record.done.iter().map(|step| step.words()).collect();
+    let over = || record.done.iter().map(|step| (step.words(), record.passed_over_of(*step)));
+    let done: Vec<&str> =
+        over().filter(|(_, passed_over)| passed_over.is_none()).map(|(words, _)| words).collect();
     text +=
         &format!("Done: {}.\n\n", if done.is_empty() { "nothing yet".to_owned() } else { done.join("; ") });
+    if let Some(passed_over) = passed_over(record) {
+        text += &format!("PASSED OVER, and offered again by the same command: {passed_over}.\n\n");
+    }
     for (head, lines) in
         [("## Not as the file had it", &record.findings), ("## What was done, in order", &record.log)]
     {
