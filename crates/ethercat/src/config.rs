@@ -139,7 +139,7 @@ pub struct WatchdogConfig {
     pub divider: Option<u16>,
     /// Register 0x0410: multiples of the divided clock; 0 switches off.
     pub pdi: Option<u16>,
-    /// Register 0x0420: multiples of the divided clock; 0 switches off.
+    /// Register 0x0420: multiples of the divided clock; 0 switches off. Any other has all outputs trigger it, whatever the SII says.
     pub process_data: Option<u16>,
 }
 

@@ -180,6 +180,9 @@ fn prepare(subdevice: &mut SubDevice, timeouts: StateTimeouts) -> Result<Option<
         return Err(StartUpError { position, cause }.into());
     }
     subdevice.sync_managers = sync_manager::from_sii(&subdevice.sii, subdevice.mailbox, count);
+    if config.watchdogs.process_data.is_some_and(|steps| steps > 0) {
+        sync_manager::watch(&mut subdevice.sync_managers);
+    }
     subdevice.fmmus.clear();
     subdevice.lrw_allowed = match config.lrw {
         Some(permission) => permission == LrwPermission::Allowed,

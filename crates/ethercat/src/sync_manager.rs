@@ -19,8 +19,12 @@ const MAILBOX_READ_CONTROL: u8 = 0x22;
 const OUTPUTS_CONTROL: u8 = 0x64;
 /// Control byte of inputs: three buffers, read by the MainDevice.
 const INPUTS_CONTROL: u8 = 0x20;
+/// Bit of the control byte by which writing triggers the watchdog of the process data: without it that watches nothing.
+pub const TRIGGERS_WATCHDOG: u8 = 0x40;
 /// Mode and direction bits of the control byte.
 const MODE_AND_DIRECTION: u8 = 0x0F;
+/// Byte of a SyncManager's registers that says what it is and does.
+pub const CONTROL: u16 = 4;
 /// Byte of a SyncManager's registers that switches it on.
 pub const ACTIVATE: u16 = 6;
 /// Object that assigns PDOs to SyncManager 0; the others follow.
@@ -88,6 +92,13 @@ pub fn from_sii(image: &Image, mailbox: Option<MailboxConfig>, count: u8) -> Vec
         }
     }
     managers
+}
+
+/// Has the outputs trigger the watchdog of the process data, whatever the SII says of that.
+pub fn watch(managers: &mut [SyncManager]) {
+    for manager in managers.iter_mut().filter(|manager| manager.usage == SyncManagerUsage::Outputs) {
+        manager.control |= TRIGGERS_WATCHDOG;
+    }
 }
 
 /// When a SyncManager with these flags is switched on.

@@ -323,20 +323,21 @@ fn the_way_back_without_a_lost_drive_says_that_it_does_not_answer() {
     }
 }
 
-/// The drives' watchdog as it was written, and a chip that took another one.
+/// The drives' watchdog as it was written, and chips that took another one, or none.
 #[test]
 fn the_drives_watchdog_is_read_back() {
-    /// Changes the answer to a read of the watchdog's register at one SubDevice.
-    struct Lying<'a>(&'a mut SimLink);
+    /// Changes the answer to a read of one register at one SubDevice.
+    struct Lying<'a>(&'a mut SimLink, [u8; 2], u8);
     impl Link for Lying<'_> {
         fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
             self.0.send(frame)
         }
         fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
             let received = self.0.receive(buffer, deadline)?;
-            // APRD (1) of 0x0420, its position counted up by three SubDevices from that of the second.
-            if buffer[16] == 1 && buffer[18..22] == [2, 0, 0x20, 0x04] {
-                buffer[26] = buffer[26].wrapping_add(1);
+            let Lying(_, [low, high], by) = *self;
+            // APRD (1), its position counted up by three SubDevices from that of the second.
+            if buffer[16] == 1 && buffer[18..22] == [2, 0, low, high] {
+                buffer[26] ^= by;
             }
             Ok(received)
         }
@@ -349,11 +350,18 @@ fn the_drives_watchdog_is_read_back() {
         assert_eq!(device.esc().peek(register::WATCHDOG_DIVIDER, 2), Some(&2498u16.to_le_bytes()[..]));
         assert_eq!(device.esc().peek(register::WATCHDOG_PROCESS_DATA, 2), Some(&200u16.to_le_bytes()[..]));
     }
-    let Err(error) = Session::prepare(Lying(&mut link), clock, &plan, &mut |_| ()) else {
-        panic!("it read back what it hadn't written");
-    };
-    assert_eq!(
-        error.to_string(),
-        "`wheel_2` (SubDevice 1): its watchdog is 20100 us (registers 0x0400, 0x0420), expected 20000 us"
-    );
+    for (register, by, expected) in [
+        ([0x20, 0x04], 1, "its watchdog is 20100 us (registers 0x0400, 0x0420), expected 20000 us"),
+        (
+            [0x14, 0x08],
+            0x40,
+            "its outputs don't trigger its watchdog (control byte of SyncManager 2 is 0x24, expected bit 6 to be set)",
+        ),
+    ] {
+        let lying = Lying(&mut link, register, by);
+        let Err(error) = Session::prepare(lying, clock.clone(), &plan, &mut |_| ()) else {
+            panic!("it read back what it hadn't written");
+        };
+        assert_eq!(error.to_string(), format!("`wheel_2` (SubDevice 1): {expected}"));
+    }
 }

@@ -17,7 +17,8 @@ use omnibase_ethercat::cyclic::{
 };
 use omnibase_ethercat::mailbox::MailboxRequest;
 use omnibase_ethercat::paced::{Leader, Pace, PacedBus, Times};
-use omnibase_ethercat::subdevice::{Direction, SubDevice};
+use omnibase_ethercat::subdevice::{Direction, SubDevice, SyncManager};
+use omnibase_ethercat::sync_manager::{CONTROL, TRIGGERS_WATCHDOG};
 use omnibase_ethercat::transaction::Access;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, LinkError, register};
@@ -27,6 +28,7 @@ use omnibase_robot::signals::{DriveMeasurement, MAX_DEVICES};
 use omnibase_robot::{Exchange, ProcessImage, RobotPlan};
 
 pub use error::{SessionError, WatchdogRegisters};
+pub use modes::supported_modes;
 
 /// Cycles in which drives are asked by SDO what is wrong with them.
 const ASKING_CYCLES: u32 = 200;
@@ -182,11 +184,7 @@ impl<L: Link, C: Clock> Session<L, C> {
         check_cycle(&bus, plan)?;
         check_watchdogs(&mut bus, &plan.bus)?;
         modes::check(&mut bus, plan)?;
-        let direction = match plan.bus.clock_source {
-            ClockSource::DistributedClock => ClockDirection::CycleFollowsDc,
-            ClockSource::Host => ClockDirection::DcFollowsHost,
-        };
-        let Handover { bus, clock, subdevices } = bus.into_cyclic(direction)?;
+        let Handover { bus, clock, subdevices } = bus.into_cyclic(clock_direction(&plan.bus))?;
         let (wiring, peripherals) = wire(plan, &bus, &subdevices)?;
         let image = bus.plan().image();
         let paced = PacedBus::new(bus, clock, pace(&plan.bus));
@@ -369,22 +367,41 @@ pub fn check_watchdogs<L: Link, C: Clock>(bus: &mut Bus<L, C>, plan: &BusPlan) -
     for position in positions {
         let one = bus.subdevice(position)?;
         let name = one.config.name.as_ref().unwrap_or(&one.name).clone();
-        let mut read = |what, register| {
-            let access = bus.transactor().perform_one(Access::read_at(what, position, register, 2))?;
+        let outputs = one.process_data(Direction::Outputs);
+        let is_on = |one: &&SyncManager| one.enabled || one.op_only().is_some();
+        let outputs: Vec<u8> = outputs.filter(is_on).map(|one| one.index).collect();
+        let mut read = |what, register, bytes| {
+            let access = bus.transactor().perform_one(Access::read_at(what, position, register, bytes))?;
             Ok::<u16, SetUpError>(access.data.iter().rev().fold(0, |word, byte| word << 8 | u16::from(*byte)))
         };
         let found = WatchdogRegisters {
-            divider: read("the watchdogs' divider", register::WATCHDOG_DIVIDER)?,
-            process_data: read("the process-data watchdog", register::WATCHDOG_PROCESS_DATA)?,
+            divider: read("the watchdogs' divider", register::WATCHDOG_DIVIDER, 2)?,
+            process_data: read("the process-data watchdog", register::WATCHDOG_PROCESS_DATA, 2)?,
         };
         if found != expected {
             return Err(SessionError::Watchdog { name, position, expected, found });
+        }
+        for sync_manager in outputs {
+            let register = register::SM + register::SM_SIZE * u16::from(sync_manager) + CONTROL;
+            let control = read("what outputs trigger", register, 1)? as u8;
+            if control & TRIGGERS_WATCHDOG == 0 {
+                return Err(SessionError::Unwatched { name, position, sync_manager, control });
+            }
         }
     }
     Ok(())
 }
 
-fn pace(bus: &BusPlan) -> Pace {
+/// Who follows whom, where there are distributed clocks.
+pub fn clock_direction(bus: &BusPlan) -> ClockDirection {
+    match bus.clock_source {
+        ClockSource::DistributedClock => ClockDirection::CycleFollowsDc,
+        ClockSource::Host => ClockDirection::DcFollowsHost,
+    }
+}
+
+/// The cycle, and who leads it.
+pub fn pace(bus: &BusPlan) -> Pace {
     let leader = match (bus.synchronisation, bus.clock_source) {
         (Synchronisation::Sync0, ClockSource::DistributedClock) => Leader::ReferenceClock,
         (Synchronisation::Sync0, ClockSource::Host) => Leader::Host,

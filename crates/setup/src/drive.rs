@@ -1,9 +1,13 @@
-//! Where a drive's objects stand in the process data that it maps by itself.
+//! Where a drive's objects stand in its process data.
 
 use std::ops::Range;
 
-use omnibase_ethercat::image::ImagePlan;
-use omnibase_ethercat::subdevice::{Direction, SubDevice};
+use omnibase_ethercat::image::{ImagePlan, Placement};
+use omnibase_ethercat::subdevice::{Direction, MappedObject, SubDevice};
+use omnibase_ethercat::wire::coe::ObjectAddress;
+
+/// Below it are gaps, and data types that stand for gaps.
+pub(crate) const FIRST_OBJECT: u16 = 0x1000;
 
 /// Bytes of the objects that a jog needs, in the whole image.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -29,8 +33,8 @@ pub struct DriveMap {
 /// An object that must be mapped and isn't.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
-    "SubDevice {position}: its map has no 0x{object:04X} of {bits} bits at a whole byte: write a map with it (its maker's \
-     file or `omnibase scan` shows what it can map), or jog it by its maker's tool"
+    "SubDevice {position}: its map has no 0x{object:04X} of {bits} bits at a whole byte: give its drive in the \
+     robot's file `outputs` and `inputs` with it (its maker's file or `omnibase scan` shows what it can map), or jog it by its maker's tool"
 )]
 pub struct MapProblem {
     /// The SubDevice.
@@ -69,22 +73,63 @@ fn bytes(
     object: u16,
     bits: u8,
 ) -> Option<Range<usize>> {
+    let wanted = (ObjectAddress::new(object, 0), bits);
+    let mut all = mapped(one, plan, direction).into_iter();
+    let (_, bit) = all.find(|(entry, bit)| (entry.object, entry.bit_length) == wanted && bit % 8 == 0)?;
+    Some(bit / 8..(bit + usize::from(bits)) / 8)
+}
+
+/// What a SubDevice maps in one direction, gaps left out, and the bit of the whole image at which each begins.
+pub(crate) fn mapped<'a>(
+    one: &'a SubDevice,
+    plan: &ImagePlan,
+    direction: Direction,
+) -> Vec<(&'a MappedObject, usize)> {
+    let mut all = Vec::new();
     for manager in one.process_data(direction) {
         let mut placements = plan.placements_of(one.position).iter();
-        let Some(place) =
-            placements.find(|place| place.direction == direction && place.sync_manager == manager.index)
-        else {
-            continue;
-        };
-        let mut bit = usize::from(place.logical.start_bit);
+        let is_its = |place: &&Placement| (place.direction, place.sync_manager) == (direction, manager.index);
+        let Some(place) = placements.find(is_its) else { continue };
+        let mut bit = 8 * place.offset + usize::from(place.logical.start_bit);
         for entry in manager.pdos.iter().flat_map(|pdo| &pdo.entries) {
-            let is_it = (entry.object.index, entry.object.subindex, entry.bit_length) == (object, 0, bits);
-            if is_it && bit.is_multiple_of(8) {
-                let first = place.offset + bit / 8;
-                return Some(first..first + usize::from(bits) / 8);
+            if entry.object.index >= FIRST_OBJECT {
+                all.push((entry, bit));
             }
             bit += usize::from(entry.bit_length);
         }
     }
-    None
+    all
+}
+
+/// Puts so many bits of a number, the least first, into an image from this bit on.
+pub(crate) fn put_bits(image: &mut [u8], first: usize, bits: u8, number: &[u8]) {
+    for at in 0..usize::from(bits) {
+        let is_set = number.get(at / 8).is_some_and(|byte| byte >> (at % 8) & 1 == 1);
+        let (byte, mask) = ((first + at) / 8, 1 << ((first + at) % 8));
+        image[byte] = if is_set { image[byte] | mask } else { image[byte] & !mask };
+    }
+}
+
+/// Objects that are mapped and their bits: outputs, inputs.
+pub(crate) type Objects = [Vec<(ObjectAddress, u8)>; 2];
+
+/// Whether all that a jog needs is among them.
+pub(crate) fn can_be_jogged([outputs, inputs]: &Objects) -> bool {
+    let has =
+        |all: &[(ObjectAddress, u8)], object, bits| all.contains(&(ObjectAddress::new(object, 0), bits));
+    has(outputs, 0x6040, 16) && has(outputs, 0x60FF, 32) && has(inputs, 0x6041, 16) && has(inputs, 0x6064, 32)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::put_bits;
+
+    #[test]
+    fn bits_of_a_number_stand_where_they_belong_and_no_other_changes() {
+        let mut image = [0xFF, 0x00, 0xFF];
+        put_bits(&mut image, 6, 7, &[0b010_1010]);
+        assert_eq!(image, [0b1011_1111, 0b0000_1010, 0xFF]);
+        put_bits(&mut image, 8, 16, &[0x34, 0x12]);
+        assert_eq!(image, [0b1011_1111, 0x34, 0x12]);
+    }
 }

@@ -312,8 +312,8 @@ impl<'a, C: Clock> Guide<'a, C> {
             if was_done {
                 continue;
             }
-            if let Some(words) = was_passed_over.filter(|_| is_over && step.asks_first()) {
-                match self.is_made_good(step, &words) {
+            if let (Some(words), Some(name)) = (was_passed_over.filter(|_| is_over), step.offered_as()) {
+                match self.is_made_good(name, &words) {
                     Ok(true) => {}
                     Ok(false) => {
                         self.hand.passed_over(step);
@@ -349,11 +349,10 @@ impl<'a, C: Clock> Guide<'a, C> {
     }
 
     /// Whether what was passed over is done now.
-    fn is_made_good(&mut self, step: Step, words: &str) -> Result<bool, Leave> {
+    fn is_made_good(&mut self, name: &str, words: &str) -> Result<bool, Leave> {
         let text = format!("{words}: passed over before. Do it now, or go on without?");
         let choices = ["now", "go on"].map(str::to_owned);
-        let id = format!("passed {}", step.words().replace(' ', "_"));
-        Ok(self.choose(id, text, &choices)? == choices[0])
+        Ok(self.choose(format!("passed {name}"), text, &choices)? == choices[0])
     }
 
     /// The robot's file, of what was found so far.

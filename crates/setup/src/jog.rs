@@ -125,8 +125,10 @@ pub struct Jog {
 pub struct Jogger<'a, L: Link, C: Clock> {
     /// The bus.
     pub paced: &'a mut PacedBus<L, C>,
-    /// Its image; outputs of other drives are zero, so they are disabled.
+    /// Its image.
     pub image: &'a mut ProcessImage,
+    /// Its outputs while nobody is told anything: control words are zero, so drives are disabled.
+    pub rest: &'a [u8],
     /// Where the drive's objects stand.
     pub map: &'a DriveMap,
     /// The cycle, ns.
@@ -240,7 +242,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
     /// Tells the drive nothing for so many cycles, so it stays disabled; how far it moved all the same, counts from the least
     /// to the greatest position; `None` where frames were lost, for then nobody saw it.
     pub fn watch(&mut self, cycles: u32) -> Result<Option<i64>, LinkError> {
-        self.image.outputs.fill(0);
+        self.image.outputs.copy_from_slice(self.rest);
         self.paced.exchange(self.image)?;
         let mut last = self.inputs().position;
         let (mut travel, mut least, mut greatest, mut lost) = (0i64, 0, 0, 0);
@@ -324,7 +326,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
                 break;
             }
         }
-        self.image.outputs.fill(0);
+        self.image.outputs.copy_from_slice(self.rest);
         self.paced.exchange(self.image)?;
         Ok(())
     }

@@ -43,9 +43,14 @@ impl Step {
         Step::Calibration,
     ];
 
-    /// Whether it is asked for before it is done in a set-up that passed it over: on the floor each asks by itself.
-    pub(crate) fn asks_first(self) -> bool {
-        !matches!(self, Step::FirstMetre | Step::Calibration)
+    /// Under which name it is offered again where it was passed over; `None` where it asks by itself, or can't be passed over.
+    pub(crate) fn offered_as(self) -> Option<&'static str> {
+        match self {
+            Step::Enable => Some("enable"),
+            Step::Brake => Some("brake"),
+            Step::SafeTorqueOff => Some("stop"),
+            _ => None,
+        }
     }
 
     /// In words.

@@ -1,6 +1,6 @@
 //! What an SII says of its SyncManagers and its identification, and devices that hold themselves to it.
 
-use omnibase_ethercat::config::Match;
+use omnibase_ethercat::config::{Match, WatchdogConfig};
 use omnibase_ethercat::cyclic::Exchange;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::sii::{self, FmmuUsage, General, Image, Pdo, PdoEntry, SyncManagerUsage};
@@ -43,6 +43,25 @@ fn device(sync_managers: Vec<sii::SyncManager>, rx_pdos: Vec<Pdo>, tx_pdos: Vec<
 
 fn activated(bus: &Segment, number: u16) -> u8 {
     bus.sub_devices()[0].esc().peek(register::SM + 8 * number + 6, 1).unwrap()[0] & 1
+}
+
+/// As many drives have it, outputs that trigger no watchdog: they would go on for ever when nobody says anything any more.
+#[test]
+fn outputs_trigger_the_watchdog_of_who_is_given_one_whatever_the_sii_says() {
+    let mut outputs = manager(SyncManagerUsage::Outputs, 0x1000, 4, sii::SM_ENABLE);
+    outputs.control = 0x24;
+    for (process_data, control) in [(None, 0x24), (Some(0), 0x24), (Some(1000), 0x64)] {
+        let generic = device(vec![outputs], vec![pdo(0x1600, 0, 32)], vec![]);
+        let (link, clock) = in_process(Segment::line(vec![generic.sub_device]).unwrap());
+        let watched = |_: &[_]| {
+            let watchdogs = WatchdogConfig { process_data, ..WatchdogConfig::default() };
+            vec![SubDeviceConfig { place: Some(Match::Position(0)), watchdogs, ..SubDeviceConfig::default() }]
+        };
+        let operational = to_op(link, clock, watched).unwrap();
+        assert_eq!(operational.paced.bus().last_exchange(), Exchange::Complete);
+        let bus = operational.paced.bus().link().segment();
+        assert_eq!(bus.sub_devices()[0].esc().peek(register::SM + 4, 1), Some(&[control][..]));
+    }
 }
 
 /// As an EL2262 has it: outputs, and a virtual SyncManager over the registers of the distributed clock.

@@ -42,12 +42,13 @@ const RECORD_HEAD: &str = "# Set-up\n\n";
 
 ALL WHEELS OFF THE GROUND, one hand on the emergency stop. A drive turns only while the space bar, or the page's button, is held,
 at a tenth of its rated torque and half a radian per second; a key that isn't heard for a quarter of a second, or a terminal or page
-that is gone, stops it. Steps: find, jog each wheel (which, which way, how far), alias or switch of each drive, enable without moving, brakes,
+that is gone, stops it. Drives that the file has as a [[device]] (a lift) are never turned, and with more drives than wheels you are
+asked first which turn none. Steps: find, jog each wheel (which, which way, how far), alias or switch of each drive, enable without moving, brakes,
 emergency stop, parameters, file; then on the floor the first metre, and a calibration by a tape. With --lines
 each line is a JSON object. Out: {\"tell\": text}, {\"question\": {id, text, choices, default}}, {\"hold\": what}; in: {\"answer\": text},
 {\"key\": true} for each beat of the held key, {\"key\": false} where it is let go, {\"leave\": true}; in the end
 {\"over\": {is_whole, findings, text}}. A key that is still down when a motion begins is none of its own: let it go first. What was
-found and done stands beside the file, as .state.json and .record.md; another file of that name is left alone. `omnibase run` and `calibrate` go on from there.
+found and done stands beside the file, as .state.json and .record.md, and what was passed over: the same command offers it again; another file of that name is left alone. `omnibase run` and `calibrate` go on from there.
 [guide: docs/guides/any-device.md]")]
 pub struct Arguments {
     /// Network interface, or sim:<segment.toml>.

@@ -97,6 +97,21 @@ pub enum SessionError {
         /// As it was read back.
         found: WatchdogRegisters,
     },
+    /// A SubDevice's outputs don't trigger its watchdog, though that was written: it would never stop by itself.
+    #[error(
+        "`{name}` (SubDevice {position}): its outputs don't trigger its watchdog (control byte of SyncManager {sync_manager} is \
+         {control:#04x}, expected bit 6 to be set)"
+    )]
+    Unwatched {
+        /// Its name.
+        name: String,
+        /// Its position.
+        position: u16,
+        /// Which of its SyncManagers.
+        sync_manager: u8,
+        /// Its control byte, as it was read back.
+        control: u8,
+    },
     /// A drive lacks a mode that its file needs.
     #[error(
         "`{name}` (SubDevice {position}): its drive has no {mode} (0x6502 = {:#010x}), and its file needs {needed}",

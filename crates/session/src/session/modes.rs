@@ -31,14 +31,19 @@ pub(super) fn check<L: Link, C: Clock>(bus: &mut Bus<L, C>, plan: &RobotPlan) ->
         let Some(position) = peripherals::found(place, bus.subdevices()).map(|found| found.position) else {
             continue;
         };
-        let Ok(data) = bus.sdo_read(position, SUPPORTED_MODES, SdoAccess::Entry) else { continue };
-        let supported = SupportedModes(data.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte)));
+        let Some(supported) = supported_modes(bus, position) else { continue };
         if let Some(mode) = lacking(&needed, supported) {
             let needed = needed.iter().map(|mode| mode.abbreviation()).collect::<Vec<_>>().join(", ");
             return Err(SessionError::Mode { name: name.clone(), position, mode, needed, supported });
         }
     }
     Ok(())
+}
+
+/// The modes that a drive says it has; `None` where it doesn't say.
+pub fn supported_modes<L: Link, C: Clock>(bus: &mut Bus<L, C>, position: u16) -> Option<SupportedModes> {
+    let data = bus.sdo_read(position, SUPPORTED_MODES, SdoAccess::Entry).ok()?;
+    Some(SupportedModes(data.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte))))
 }
 
 /// The first mode that a drive lacks.

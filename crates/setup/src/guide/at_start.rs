@@ -1,11 +1,13 @@
-//! What the file has written at every start, for jogs: a drive that is turned otherwise than the robot will turn it shows nothing.
+//! What the file asks of each SubDevice at every start, for jogs: a drive that is turned otherwise than the robot will turn it shows nothing.
 
-use omnibase_ethercat::config::{SubDeviceConfig, WatchdogConfig};
+use omnibase_ethercat::config::{
+    DcConfig, ExpectedIdentity, Match, Presence, SubDeviceConfig, SyncManagerPdos, SyncMode,
+};
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_robot::RobotPlan;
-use omnibase_robot::config::{BusPlace, DevicePlan};
+use omnibase_robot::config::{BusPlace, BusPlan, DevicePlan, Synchronisation};
 
 use super::{is_identity, is_product};
 use crate::record::FoundDrive;
@@ -16,39 +18,41 @@ pub(super) const MAX_TORQUE: u16 = 0x6072;
 /// Has a drive store what it holds, for one the max torque of a jog.
 pub(super) const STORE: u16 = 0x1010;
 
-/// The SDOs for one SubDevice, and its watchdogs.
+/// What one SubDevice is asked for.
 #[derive(Debug, Default)]
 pub(super) struct AtStart {
-    pub(super) pre_op: Vec<SdoWrite>,
-    pub(super) safe_op: Vec<SdoWrite>,
-    pub(super) watchdogs: WatchdogConfig,
+    /// With the map that the SubDevice has by itself.
+    pub(super) config: SubDeviceConfig,
+    /// The file's map, where it has one.
+    pub(super) maps: Vec<SyncManagerPdos>,
 }
 
 impl AtStart {
-    /// Those that every drive of this product is written: whose wheel it turns isn't known yet. Another product may refuse what
-    /// it hasn't.
-    pub(super) fn of_drive(plan: &RobotPlan, drive: &FoundDrive) -> AtStart {
+    /// What every drive of this product is asked for in such cycles: whose wheel it turns isn't known yet. Another product may refuse
+    /// what it hasn't.
+    pub(super) fn of_drive(plan: &RobotPlan, bus: &BusPlan, drive: &FoundDrive) -> AtStart {
         let drives = plan.drives.iter().filter(|one| is_product(one, drive));
-        let mut all = drives.map(|one| AtStart::from(one.subdevice_config(&plan.bus)));
-        // A drive that no file knows stops by itself, too.
-        let nothing = || AtStart { watchdogs: plan.bus.watchdogs(), ..AtStart::default() };
-        let mut common = all.next().unwrap_or_else(nothing);
+        let mut all = drives.map(|one| one.subdevice_config(bus));
+        let mut common = all.next().unwrap_or_else(|| of_nobody(bus));
         for other in all {
-            common.pre_op.retain(|sdo| other.pre_op.iter().any(|one| is_same(one, sdo)));
-            common.safe_op.retain(|sdo| other.safe_op.iter().any(|one| is_same(one, sdo)));
+            common.sdos.retain(|sdo| other.sdos.iter().any(|one| is_same(one, sdo)));
+            common.safe_op_sdos.retain(|sdo| other.safe_op_sdos.iter().any(|one| is_same(one, sdo)));
+            if other.pdos != common.pdos {
+                common.pdos.clear();
+            }
         }
-        for list in [&mut common.pre_op, &mut common.safe_op] {
+        for list in [&mut common.sdos, &mut common.safe_op_sdos] {
             list.retain(|SdoWrite { object, .. }| {
                 object.index != STORE && !JOG_WRITES.contains(&(object.index, object.subindex))
             });
             list.iter_mut()
                 .for_each(|sdo| (sdo.refusal, sdo.read_back) = (Refusal::IsTolerated, ReadBack::Skip));
         }
-        common
+        AtStart::at(drive.position, common)
     }
 
-    /// Those of a SubDevice that the file has in this place: a coupler that waits for its list of modules keeps all from OP.
-    pub(super) fn of_device(plan: &RobotPlan, found: &SubDevice) -> AtStart {
+    /// What the file asks of a SubDevice in this place: a coupler that waits for its list of modules keeps all from OP.
+    pub(super) fn of_device(plan: &RobotPlan, bus: &BusPlan, found: &SubDevice) -> AtStart {
         let is_it = |place: BusPlace| match place {
             BusPlace::Position(position) => position == found.position,
             BusPlace::Alias(alias) => found.alias == Some(alias),
@@ -58,7 +62,21 @@ impl AtStart {
         let is_there =
             |one: &&DevicePlan| is_it(one.place) && is_identity(&one.identity, vendor_id, product_code);
         let device = plan.devices.iter().find(is_there);
-        device.map_or_else(AtStart::default, |one| one.subdevice_config(&plan.bus).into())
+        let config = device.map_or_else(SubDeviceConfig::default, |one| one.subdevice_config(bus));
+        AtStart::at(found.position, config)
+    }
+
+    /// Whoever is there was found already.
+    fn at(position: u16, config: SubDeviceConfig) -> Self {
+        let config = SubDeviceConfig {
+            name: None,
+            place: Some(Match::Position(position)),
+            identity: ExpectedIdentity::default(),
+            presence: Presence::Required,
+            ..config
+        };
+        let (maps, config) = (config.pdos.clone(), SubDeviceConfig { pdos: Vec::new(), ..config });
+        AtStart { config, maps }
     }
 
     /// The objects that can be asked for what they were before.
@@ -74,20 +92,33 @@ impl AtStart {
 
     /// Without these.
     pub(super) fn of_known(mut self, was: &[(u16, u8, Vec<u8>)]) -> Self {
-        for list in [&mut self.pre_op, &mut self.safe_op] {
+        for list in [&mut self.config.sdos, &mut self.config.safe_op_sdos] {
             list.retain(|sdo| is_known(sdo, was));
         }
         self
     }
 
     fn sdos(&self) -> impl Iterator<Item = &SdoWrite> {
-        self.pre_op.iter().chain(&self.safe_op)
+        self.config.sdos.iter().chain(&self.config.safe_op_sdos)
     }
 }
 
-impl From<SubDeviceConfig> for AtStart {
-    fn from(config: SubDeviceConfig) -> Self {
-        AtStart { pre_op: config.sdos, safe_op: config.safe_op_sdos, watchdogs: config.watchdogs }
+/// A drive that no file knows stops by itself, too, and beats as the others do.
+fn of_nobody(bus: &BusPlan) -> SubDeviceConfig {
+    let (dc, sync_mode) = match bus.synchronisation {
+        Synchronisation::Sync0 => {
+            let cycle_ns = u32::try_from(bus.cycle_ns).unwrap_or(u32::MAX);
+            (DcConfig::Sync0 { cycle_ns, shift_ns: bus.sync0_shift_ns }, Some(SyncMode::Sync0))
+        }
+        Synchronisation::SyncManagerEvent => (DcConfig::Off, Some(SyncMode::SyncManagerEvent)),
+        Synchronisation::FreeRun => (DcConfig::Off, Some(SyncMode::FreeRun)),
+    };
+    SubDeviceConfig {
+        own_bytes: true,
+        dc,
+        sync_mode,
+        watchdogs: bus.watchdogs(),
+        ..SubDeviceConfig::default()
     }
 }
 

@@ -2,9 +2,8 @@
 
 use omnibase_ethercat::wire::Clock;
 
-use super::operational::Operational;
 use super::{ATTEMPTS, Guide, Leave, SetupError, in_words};
-use crate::jog::{Jog, JogEnd, JogPlan, Jogger};
+use crate::jog::{Jog, JogEnd, JogPlan};
 use crate::record::{FoundDrive, Step, Turned};
 use crate::turns::{contradicts, is_seen_as, likely_resolution};
 
@@ -35,6 +34,10 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn jog(&mut self, number: usize, motion: Motion, what: &str) -> Result<Jog, SetupError> {
         let mut operational = self.operational()?;
         let drive = self.record.drives[number].clone();
+        if let Err(words) = operational.shows_its_mode(number, drive.position)? {
+            operational.end().map_err(|error| in_words(&error))?;
+            return Err(SetupError::Bus(words));
+        }
         let cycle_s = self.wished.cycle.as_secs_f64();
         let counts_s = self.expected_counts(&drive) * self.wished.wheel_speed_rad_s / core::f64::consts::TAU;
         let cycles = |seconds: f64| (seconds / cycle_s).ceil() as u32;
@@ -50,9 +53,7 @@ impl<C: Clock> Guide<'_, C> {
             key_cycles: self.wished.key_s.map(cycles),
         };
         self.hand.take_key(what);
-        let Operational { paced, image, maps } = &mut operational;
-        let mut jogger =
-            Jogger { paced, image, map: &maps[number], cycle_ns: self.wished.cycle.as_nanos() as u64 };
+        let mut jogger = operational.jogger(number);
         let mut jog = match motion {
             Motion::Turns => jogger.run(&plan, self.hand)?,
             Motion::Stands(_) => jogger.hold(&plan, self.hand)?,
@@ -63,7 +64,7 @@ impl<C: Clock> Guide<'_, C> {
         {
             *words += &format!("; asked by SDO, it says error {error}");
         }
-        let ended = operational.paced.end(|paced| paced.exchange(&mut operational.image).map(drop));
+        let ended = operational.end();
         self.record.note(format!(
             "SubDevice {}: {what}: {}, {} counts, enabled for {} cycles, {} without a held key",
             drive.position, jog.end, jog.travel_counts, jog.enabled_cycles, jog.unheld_cycles
@@ -81,12 +82,8 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn watch(&mut self, number: usize, seconds: f64) -> Result<Option<i64>, SetupError> {
         let mut operational = self.operational()?;
         let cycles = (seconds / self.wished.cycle.as_secs_f64()).ceil() as u32;
-        let Operational { paced, image, maps } = &mut operational;
-        let mut jogger =
-            Jogger { paced, image, map: &maps[number], cycle_ns: self.wished.cycle.as_nanos() as u64 };
-        let span = jogger.watch(cycles)?;
-        let ended = operational.paced.end(|paced| paced.exchange(&mut operational.image).map(drop));
-        match ended {
+        let span = operational.jogger(number).watch(cycles)?;
+        match operational.end() {
             // Who is lost goes nowhere, and that is told.
             Err(_) if span.is_none() => {}
             ended => ended.map_err(|error| in_words(&error))?,

@@ -1,44 +1,103 @@
 //! The segment in OP for a motion of a set-up.
 
+use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
 use omnibase_cia402::ErrorCode;
-use omnibase_ethercat::config::{DcConfig, Match, SubDeviceConfig, SyncMode};
+use omnibase_ethercat::config::{SubDeviceConfig, SyncManagerPdos};
 use omnibase_ethercat::cyclic::{
-    AcyclicCompletion, AcyclicRequest, AcyclicWork, ClockDirection, Goal, Handover, TransitionOptions,
+    AcyclicCompletion, AcyclicRequest, AcyclicWork, Goal, Handover, TransitionOptions,
 };
 use omnibase_ethercat::mailbox::MailboxRequest;
-use omnibase_ethercat::paced::{Leader, Pace, PacedBus};
+use omnibase_ethercat::paced::{PacedBus, ReachError};
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::subdevice::{Direction, SubDevice};
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, LinkError};
 use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
-use omnibase_session::session::check_watchdogs;
+use omnibase_robot::config::BusPlan;
+use omnibase_session::session::{check_watchdogs, clock_direction, pace, supported_modes};
 
 use super::at_start::{AtStart, MAX_TORQUE};
 use super::before::remember;
 use super::{AnyBus, Guide, SetupError, in_words, is_it, seen, who};
-use crate::drive::DriveMap;
-use crate::jog::JOGGED_IN;
+use crate::drive::{DriveMap, FIRST_OBJECT, Objects, can_be_jogged, mapped, put_bits};
+use crate::jog::{JOGGED_IN, Jogger};
 use crate::record::FoundDrive;
 
 /// Where a drive says by what it failed; and how long it is waited for that, cycles.
 const ERROR_CODE: ObjectAddress = ObjectAddress::new(0x603F, 0);
 const ASKING_CYCLES: u32 = 500;
 const MODE: ObjectAddress = ObjectAddress::new(0x6060, 0);
+const MODE_SHOWN: ObjectAddress = ObjectAddress::new(0x6061, 0);
+const CONTROL_WORD: u16 = 0x6040;
+/// What a jog tells, or leaves at nothing: control word, mode, speed, max torque.
+const TOLD: [u16; 4] = [CONTROL_WORD, 0x6060, 0x60FF, MAX_TORQUE];
+
+/// What objects of drives hold, by the drive's position.
+type Values = BTreeMap<(u16, ObjectAddress), Vec<u8>>;
 
 /// The segment in OP, every drive disabled.
 pub(super) struct Operational<C: Clock> {
     pub(super) paced: PacedBus<Box<dyn Link>, C>,
     pub(super) image: ProcessImage,
     pub(super) maps: Vec<DriveMap>,
+    /// Outputs while nobody is told anything; what drives map beside what a jog needs is as it was.
+    rest: Box<[u8]>,
 }
 
 impl<C: Clock> Operational<C> {
+    /// One of the drives, to be turned.
+    pub(super) fn jogger(&mut self, number: usize) -> Jogger<'_, Box<dyn Link>, C> {
+        let Operational { paced, image, maps, rest } = self;
+        let (cycle, _) = paced.pace();
+        Jogger { paced, image, rest, map: &maps[number], cycle_ns: cycle.as_nanos() as u64 }
+    }
+
+    /// Back to INIT.
+    pub(super) fn end(&mut self) -> Result<(), ReachError> {
+        let Operational { paced, image, .. } = self;
+        paced.end(|paced| paced.exchange(image).map(drop))
+    }
+
     /// A drive's error code, asked by SDO; `None` where it has none, or doesn't answer.
     pub(super) fn error_code(&mut self, position: u16) -> Result<Option<ErrorCode>, LinkError> {
-        let work = AcyclicWork::Mailbox(MailboxRequest::upload(ERROR_CODE, Vec::with_capacity(2)));
+        let bytes = self.ask(position, ERROR_CODE)?;
+        let error = bytes.and_then(|bytes| Some(ErrorCode(u16::from_le_bytes(*bytes.first_chunk()?))));
+        Ok(error.filter(|error| *error != ErrorCode::NONE))
+    }
+
+    /// Whether a drive whose map doesn't tell its mode is in that of a jog before anybody enables it; in another one it would go where
+    /// nobody told it. An error says in words what it is in.
+    pub(super) fn shows_its_mode(
+        &mut self,
+        number: usize,
+        position: u16,
+    ) -> Result<Result<(), String>, LinkError> {
+        let map = &self.maps[number];
+        if map.mode_shown.is_some() {
+            return Ok(Ok(()));
+        }
+        let code = JOGGED_IN.code() as u8;
+        if let Some(mode) = &map.mode {
+            self.image.outputs[mode.start] = code;
+        }
+        let shown = self.ask(position, MODE_SHOWN)?;
+        self.image.outputs.copy_from_slice(&self.rest);
+        if shown.as_deref() == Some(&[code]) {
+            return Ok(Ok(()));
+        }
+        let shown = shown.map_or("nothing".to_owned(), |bytes| super::reading::number(&bytes));
+        Ok(Err(format!(
+            "SubDevice {position}: it is told mode {code} ({}) and shows {shown} ({MODE_SHOWN}): in another mode it would go where nobody told \
+             it; one that shows its mode only when it is enabled needs {MODE_SHOWN} in its map (`inputs` of its drive in the robot's file)",
+            JOGGED_IN.abbreviation()
+        )))
+    }
+
+    /// What a SubDevice has in an object; `None` where it has none, or doesn't answer.
+    fn ask(&mut self, position: u16, object: ObjectAddress) -> Result<Option<Vec<u8>>, LinkError> {
+        let work = AcyclicWork::Mailbox(MailboxRequest::upload(object, Vec::with_capacity(4)));
         if self.paced.bus_mut().submit(AcyclicRequest { tag: 0, position, work }).is_err() {
             return Ok(None);
         }
@@ -47,9 +106,7 @@ impl<C: Clock> Operational<C> {
             if let Some(AcyclicCompletion { work: AcyclicWork::Mailbox(answer), result, .. }) =
                 self.paced.bus_mut().poll_completion()
             {
-                let bytes = answer.data.first_chunk().filter(|_| result.is_ok());
-                let error = bytes.map(|bytes| ErrorCode(u16::from_le_bytes(*bytes)));
-                return Ok(error.filter(|error| *error != ErrorCode::NONE));
+                return Ok(result.is_ok().then_some(answer.data));
             }
         }
         Ok(None)
@@ -57,7 +114,7 @@ impl<C: Clock> Operational<C> {
 }
 
 impl<C: Clock> Guide<'_, C> {
-    /// To OP with the maps that the drives have, torques limited before anything else.
+    /// To OP as every start of the robot does, torques limited before anything else.
     pub(super) fn operational(&mut self) -> Result<Operational<C>, SetupError> {
         let (link, clock) = (self.open)().map_err(SetupError::Open)?;
         let mut bus = Bus::new(link, clock, BusOptions::default());
@@ -67,7 +124,39 @@ impl<C: Clock> Guide<'_, C> {
             // Nobody could put back what is in no state.
             (self.keep)(&self.record).map_err(SetupError::Unkept)?;
         }
-        let cycle_ns = self.wished.cycle.as_nanos() as u32;
+        let cycle_ns = self.wished.cycle.as_nanos() as u64;
+        let bus_plan = BusPlan { cycle_ns, receive_timeout_ns: cycle_ns * 9 / 10, ..self.plan.bus };
+        self.configure(&mut bus, &bus_plan)?;
+        check_watchdogs(&mut bus, &bus_plan).map_err(|error| in_words(&error))?;
+        self.are_in_their_mode(&mut bus)?;
+        let as_they_were = self.as_they_were(&mut bus)?;
+        let handover = bus.into_cyclic(clock_direction(&bus_plan)).map_err(|error| in_words(&error))?;
+        let Handover { bus, clock, subdevices } = handover;
+        let found = |drive: &FoundDrive| &subdevices[usize::from(drive.position)];
+        let drives = &self.record.drives;
+        let maps = drives.iter().map(|drive| DriveMap::of(found(drive), bus.plan()));
+        let maps = maps.collect::<Result<Vec<_>, _>>().map_err(|error| in_words(&error))?;
+        let mut image = bus.plan().image();
+        for one in &subdevices {
+            for (entry, bit) in mapped(one, bus.plan(), Direction::Outputs) {
+                if let Some(was) = as_they_were.get(&(one.position, entry.object)) {
+                    put_bits(&mut image.outputs, bit, entry.bit_length, was);
+                }
+            }
+        }
+        let rest = image.outputs.clone();
+        let mut paced = PacedBus::new(bus, clock, pace(&bus_plan));
+        let never = AtomicBool::new(false);
+        paced
+            .reach(Goal::Op, TransitionOptions::default(), &never, |paced| {
+                paced.exchange(&mut image).map(drop)
+            })
+            .map_err(|error| in_words(&error))?;
+        Ok(Operational { paced, image, maps, rest })
+    }
+
+    /// Each drive with the map that it has by itself, or, where that is none for a jog, with the file's.
+    fn configure(&mut self, bus: &mut AnyBus<C>, bus_plan: &BusPlan) -> Result<(), SetupError> {
         let limit = SdoWrite {
             object: ObjectAddress::new(MAX_TORQUE, 0),
             data: self.wished.torque_per_mille.to_le_bytes().to_vec(),
@@ -85,84 +174,103 @@ impl<C: Clock> Guide<'_, C> {
             read_back: ReadBack::Skip,
             origin: None,
         };
-        let config = |found: &SubDevice| {
-            let position = found.position;
-            let place = Some(Match::Position(position));
-            let Some(drive) = self.record.drives.iter().find(|drive| drive.position == position) else {
-                let AtStart { pre_op, safe_op, watchdogs } = AtStart::of_device(&self.plan, found);
-                return SubDeviceConfig {
-                    place,
-                    sdos: pre_op,
-                    safe_op_sdos: safe_op,
-                    watchdogs,
-                    ..SubDeviceConfig::default()
-                };
-            };
-            let AtStart { pre_op, safe_op, watchdogs } =
-                AtStart::of_drive(&self.plan, drive).of_known(&drive.was);
-            SubDeviceConfig {
-                place,
-                sdos: [vec![limit.clone(), mode.clone()], pre_op].concat(),
-                safe_op_sdos: safe_op,
-                watchdogs,
-                own_bytes: true,
-                dc: DcConfig::Sync0 { cycle_ns, shift_ns: 0 },
-                sync_mode: Some(SyncMode::Sync0),
-                ..SubDeviceConfig::default()
+        let drive_at = |position| self.record.drives.iter().find(|drive| drive.position == position);
+        let at_start = |found: &SubDevice| match drive_at(found.position) {
+            None => AtStart::of_device(&self.plan, bus_plan, found),
+            Some(drive) => {
+                let AtStart { mut config, maps } =
+                    AtStart::of_drive(&self.plan, bus_plan, drive).of_known(&drive.was);
+                config.sdos = [vec![limit.clone(), mode.clone()], config.sdos].concat();
+                AtStart { config, maps }
             }
         };
-        let configs: Vec<SubDeviceConfig> = bus.subdevices().iter().map(config).collect();
+        let (mut configs, maps): (Vec<SubDeviceConfig>, Vec<Vec<SyncManagerPdos>>) =
+            bus.subdevices().iter().map(at_start).map(|AtStart { config, maps }| (config, maps)).unzip();
         bus.configure(&configs).map_err(|error| in_words(&error))?;
-        check_watchdogs(&mut bus, &self.plan.bus).map_err(|error| in_words(&error))?;
-        self.are_in_their_mode(&mut bus)?;
-        let handover = bus.into_cyclic(ClockDirection::CycleFollowsDc).map_err(|error| in_words(&error))?;
-        let Handover { bus, clock, subdevices } = handover;
-        let map = |drive: &FoundDrive| DriveMap::of(&subdevices[usize::from(drive.position)], bus.plan());
-        let maps = self
-            .record
-            .drives
-            .iter()
-            .map(map)
-            .collect::<Result<Vec<_>, _>>()
-            .map_err(|error| in_words(&error))?;
-        let mut image = bus.plan().image();
-        let timeout = self.wished.cycle * 9 / 10;
-        let pace =
-            Pace { cycle: self.wished.cycle, timeout, leader: Leader::ReferenceClock, sync0_shift_ns: 0 };
-        let mut paced = PacedBus::new(bus, clock, pace);
-        let never = AtomicBool::new(false);
-        paced
-            .reach(Goal::Op, TransitionOptions::default(), &never, |paced| {
-                paced.exchange(&mut image).map(drop)
-            })
-            .map_err(|error| in_words(&error))?;
-        Ok(Operational { paced, image, maps })
+        let mut given = Vec::new();
+        for drive in &self.record.drives {
+            let at = usize::from(drive.position);
+            if !can_be_jogged(&objects(&bus.subdevices()[at])) && can_be_jogged(&wished_objects(&maps[at])) {
+                configs[at].pdos.clone_from(&maps[at]);
+                given.push(drive.position);
+            }
+        }
+        if given.is_empty() {
+            return Ok(());
+        }
+        bus.configure(&configs).map_err(|error| in_words(&error))?;
+        for position in given {
+            let text = format!(
+                "SubDevice {position}: its own map isn't one for a jog, so it has the file's, as every start of the robot writes it, until it \
+                 loses its supply"
+            );
+            if !self.record.log.contains(&text) {
+                self.hand.tell(&text);
+                self.record.note(text);
+            }
+        }
+        Ok(())
     }
 
-    /// A drive that isn't told its mode in each cycle is in that of a jog by now: in another one it would go where nobody told it,
-    /// to position 0 for one.
+    /// A drive has the mode of a jog; one that isn't told it in each cycle is in it by now.
     fn are_in_their_mode(&self, bus: &mut AnyBus<C>) -> Result<(), SetupError> {
         let wanted = JOGGED_IN.code() as u8;
-        for drive in &self.record.drives {
-            let one = &bus.subdevices()[usize::from(drive.position)];
-            let is_mapped = one
-                .process_data(Direction::Outputs)
-                .flat_map(|manager| &manager.pdos)
-                .flat_map(|pdo| &pdo.entries)
-                .any(|entry| (entry.object, entry.bit_length) == (MODE, 8));
-            if is_mapped {
+        for position in self.record.drives.iter().map(|drive| drive.position) {
+            if let Some(supported) = supported_modes(bus, position).filter(|all| !all.supports(JOGGED_IN)) {
+                return Err(SetupError::Bus(format!(
+                    "SubDevice {position}: its drive has no {} (0x6502 = {:#010x}), in which it would be jogged: jog it by its maker's tool",
+                    JOGGED_IN.abbreviation(),
+                    supported.0
+                )));
+            }
+            let [outputs, _] = objects(&bus.subdevices()[usize::from(position)]);
+            if outputs.contains(&(MODE, 8)) {
                 continue;
             }
-            let found =
-                bus.sdo_read(drive.position, MODE, SdoAccess::Entry).map_err(|error| in_words(&error))?;
+            let found = bus.sdo_read(position, MODE, SdoAccess::Entry).map_err(|error| in_words(&error))?;
             if found != [wanted] {
                 return Err(SetupError::Bus(format!(
-                    "SubDevice {}: its map has no {MODE}, and it doesn't take mode {wanted} (velocity) by SDO: write a map with it",
-                    drive.position
+                    "SubDevice {position}: its map has no {MODE}, and it doesn't take mode {wanted} (velocity) by SDO: give its drive in the \
+                     robot's file a map with it"
                 )));
             }
         }
         Ok(())
+    }
+
+    /// What drives hold that they map beside what a jog needs: each frame tells all of it. A drive that turns no wheel is told its control
+    /// word alone: it stays disabled.
+    fn as_they_were(&self, bus: &mut AnyBus<C>) -> Result<Values, SetupError> {
+        let mut values = Values::new();
+        for position in self.record.drives.iter().map(|drive| drive.position) {
+            let [outputs, _] = objects(&bus.subdevices()[usize::from(position)]);
+            for (object, bits) in outputs.into_iter().filter(|(object, _)| !TOLD.contains(&object.index)) {
+                let was = bus.sdo_read(position, object, SdoAccess::Entry);
+                let is_whole = |bytes: &Vec<u8>| 8 * bytes.len() >= usize::from(bits);
+                let Some(was) = was.ok().filter(is_whole) else {
+                    return Err(SetupError::Bus(format!(
+                        "SubDevice {position}: its map has {object}, and what stands there can't be read, so a jog would write 0 over it: give \
+                         its drive in the robot's file `outputs` without it, or jog it by its maker's tool"
+                    )));
+                };
+                values.insert((position, object), was);
+            }
+        }
+        let is_apart = |position: &u16| self.record.drives.iter().all(|drive| drive.position != *position);
+        for position in (0..bus.subdevices().len() as u16).filter(is_apart) {
+            let [outputs, _] = objects(&bus.subdevices()[usize::from(position)]);
+            let is_control = |object: ObjectAddress| object.index == CONTROL_WORD;
+            if !outputs.iter().any(|(object, _)| is_control(*object)) {
+                continue;
+            }
+            for object in outputs.into_iter().map(|(object, _)| object).filter(|object| !is_control(*object))
+            {
+                if let Ok(was) = bus.sdo_read(position, object, SdoAccess::Entry) {
+                    values.insert((position, object), was);
+                }
+            }
+        }
+        Ok(values)
     }
 
     /// Each drive is where it was found: another one in its place would be turned for it.
@@ -176,4 +284,23 @@ impl<C: Clock> Guide<'_, C> {
         }
         Ok(())
     }
+}
+
+/// The objects that a SubDevice maps and their bits: outputs, inputs.
+fn objects(one: &SubDevice) -> Objects {
+    [Direction::Outputs, Direction::Inputs].map(|direction| {
+        let entries =
+            one.process_data(direction).flat_map(|manager| &manager.pdos).flat_map(|pdo| &pdo.entries);
+        let all = entries.map(|entry| (entry.object, entry.bit_length));
+        all.filter(|(object, _)| object.index >= FIRST_OBJECT).collect()
+    })
+}
+
+/// The same of a map that is wished.
+fn wished_objects(maps: &[SyncManagerPdos]) -> Objects {
+    [Direction::Outputs, Direction::Inputs].map(|direction| {
+        let pdos =
+            maps.iter().filter(|manager| manager.direction == direction).flat_map(|manager| &manager.pdos);
+        pdos.flat_map(|pdo| pdo.entries.iter().flatten()).copied().collect()
+    })
 }

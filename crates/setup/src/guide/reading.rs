@@ -82,7 +82,7 @@ impl<C: Clock> Guide<'_, C> {
             );
             self.hand.tell(&text);
             self.record.note(text);
-            let unknown = AtStart::of_drive(&self.plan, drive).unknown(&drive.was);
+            let unknown = AtStart::of_drive(&self.plan, &self.plan.bus, drive).unknown(&drive.was);
             if !unknown.is_empty() {
                 let objects: Vec<String> = unknown.iter().map(ToString::to_string).collect();
                 let text = format!(
@@ -317,7 +317,8 @@ pub(super) fn held<C: Clock>(
     drive: &FoundDrive,
 ) -> Vec<(u16, u8, Vec<u8>)> {
     let mut held = Vec::new();
-    for (index, subindex) in JOG_WRITES.into_iter().chain(AtStart::of_drive(plan, drive).objects()) {
+    let of_file = AtStart::of_drive(plan, &plan.bus, drive);
+    for (index, subindex) in JOG_WRITES.into_iter().chain(of_file.objects()) {
         let object = ObjectAddress::new(index, subindex);
         let Ok(bytes) = bus.sdo_read(drive.position, object, SdoAccess::Entry) else { continue };
         // None at all is what a jog that was cut off left there.

@@ -13,6 +13,7 @@ use super::*;
 
 mod apart;
 mod left;
+mod maps;
 mod motions;
 mod passed;
 mod supply;

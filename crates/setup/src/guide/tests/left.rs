@@ -122,7 +122,7 @@ fn what_the_file_has_drives_store_is_not_asked_for_by_a_jog() {
         Ok((Box::new(link), clock))
     };
     with_found(&base, &mut open, &mut Says("write"), |guide| {
-        let at_start = at_start::AtStart::of_drive(&guide.plan, &guide.record.drives[0]);
+        let at_start = at_start::AtStart::of_drive(&guide.plan, &guide.plan.bus, &guide.record.drives[0]);
         let objects: Vec<u16> = at_start.objects().map(|(index, _)| index).collect();
         assert!(objects.contains(&0x6085) && !objects.contains(&at_start::STORE), "{objects:x?}");
         for drive in &mut guide.record.drives {

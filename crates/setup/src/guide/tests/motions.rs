@@ -208,7 +208,9 @@ fn a_jogged_drive_stops_by_its_watchdog_when_the_program_is_gone() {
     with_found(&base, &mut open, &mut Nobody, |guide| {
         // One that the file doesn't know has it, too.
         guide.record.drives[2].product_code += 1;
-        let known = at_start::AtStart::of_drive(&guide.plan, &guide.record.drives[2]).watchdogs;
+        let known = at_start::AtStart::of_drive(&guide.plan, &guide.plan.bus, &guide.record.drives[2])
+            .config
+            .watchdogs;
         assert_eq!(known, guide.plan.bus.watchdogs());
         guide.record.drives[2].product_code -= 1;
         guide.operational().unwrap();

@@ -66,25 +66,25 @@ fn what_was_passed_over_is_offered_again_without_the_jogs() {
     // Passed over again: nothing moves, nothing is called done.
     let (is_whole, after, hand) = take_up(|_| "go on");
     assert!(is_whole);
-    assert_eq!(hand.asked, ["passed brakes", "passed emergency_stop", "floor"]);
+    assert_eq!(hand.asked, ["passed brake", "passed stop", "floor"]);
     assert_eq!((after.passed_over.len(), hand.keys), (3, Vec::new()));
     assert_eq!(hand.passed, [Step::Brake, Step::SafeTorqueOff, Step::FirstMetre]);
     assert!(after.log.iter().all(|line| !line.starts_with("done: ")), "{:?}", after.log);
     assert_eq!(after.log.last().unwrap(), "passed over: the first metre");
     // Made good: wheel_2 alone has no brake.
     let (_, after, hand) = take_up(|id| match id {
-        "passed brakes" => "now",
+        "passed brake" => "now",
         "brake 1" => "no",
         _ => "go on",
     });
-    assert_eq!(hand.asked[..2], ["passed brakes", "brake 1"]);
-    assert_eq!(hand.asked[2], "passed emergency_stop", "the other wheels' are known");
+    assert_eq!(hand.asked[..2], ["passed brake", "brake 1"]);
+    assert_eq!(hand.asked[2], "passed stop", "the other wheels' are known");
     assert!(after.log.contains(&"done: brakes".to_owned()), "{:?}", after.log);
     let left: Vec<Step> = after.passed_over.iter().map(|one: &PassedOver| one.step).collect();
     assert_eq!(left, [Step::SafeTorqueOff, Step::FirstMetre]);
     assert_eq!(after.findings, ["no stop was tried", "the first metre wasn't driven"]);
     // The stop is tried now, of that wheel alone.
-    let (is_whole, after, hand) = take_up(|id| if id == "passed emergency_stop" { "now" } else { "go on" });
+    let (is_whole, after, hand) = take_up(|id| if id == "passed stop" { "now" } else { "go on" });
     assert!(!is_whole, "the key is gone");
     assert_eq!(hand.keys.len(), 1);
     assert!(hand.keys[0].contains("press the emergency stop: wheel_2"), "{:?}", hand.keys);

@@ -1,0 +1,191 @@
+//! Drives as makers deliver them: other maps, other clocks, other modes.
+
+use omnibase_ethercat_sim::SegmentFile;
+
+use super::*;
+use crate::Key;
+use crate::jog::JogEnd;
+
+const MAKER: &str = include_str!("../../../../../segments/maker.xml");
+const TARGET_TORQUE: &str = "<Entry><Index>#x6071</Index><SubIndex>0</SubIndex><BitLen>16</BitLen><Name>Target torque</Name><DataType>INT</DataType></Entry>";
+const MODE_SHOWN: &str = "<Entry><Index>#x6061</Index><SubIndex>0</SubIndex><BitLen>8</BitLen><Name>Modes of operation display</Name><DataType>SINT</DataType></Entry>\n          <Entry><Index>#x0</Index><BitLen>8</BitLen></Entry>";
+
+/// Three drives of that maker's file, in which these words are others.
+fn made(others: &[(&str, &str)]) -> (Powered, VirtualClock) {
+    let folder = tempfile::tempdir().unwrap();
+    let mut text = MAKER.to_owned();
+    for (words, other) in others {
+        assert!(text.contains(words), "{words}");
+        text = text.replacen(words, other, 1);
+    }
+    std::fs::write(folder.path().join("maker.xml"), text).unwrap();
+    let segment =
+        "[[subdevice]]\nkind = \"esi\"\nesi = \"maker.xml\"\ndevice = \"0x00000402:0x00010000\"\ncount = 3\n";
+    let segment = SegmentFile::parse(segment).unwrap().build(folder.path()).unwrap();
+    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+    (Powered(Rc::new(RefCell::new(link))), clock)
+}
+
+/// A robot's file for such drives, synchronised so, with the map of a jog or with none.
+fn base(synchronisation: &str, has_map: bool) -> String {
+    let mut document: toml_edit::DocumentMut = BASE.parse().unwrap();
+    document["bus"]["synchronisation"] = toml_edit::value(synchronisation);
+    let maps = match has_map {
+        true => {
+            "outputs = [{ pdo = \"0x1600\", map = \"6040:16 6060:8 pad:8 60FF:32 6071:16 6072:16\" }]\n\
+             inputs = [{ pdo = \"0x1A00\", map = \"6041:16 6061:8 pad:8 6064:32 606C:32 6077:16 603F:16\" }]\n"
+        }
+        // A law of torque has none of speeds.
+        false => {
+            "outputs = [{ pdo = \"0x1600\", map = \"6040:16 6060:8 pad:8 6071:16 6072:16\" }]\n\
+             inputs = [{ pdo = \"0x1A00\", map = \"6041:16 6061:8 pad:8 6064:32 606C:32 6077:16 603F:16\" }]\n"
+        }
+    };
+    let defaults: toml_edit::DocumentMut = format!(
+        "device = \"cia402\"\n{maps}counts_per_revolution = 1048576\ngear_ratio = 1.0\nrated_torque_nm = 7.0\npeak_torque_nm = 21.0\n"
+    )
+    .parse()
+    .unwrap();
+    document["drive_defaults"] = toml_edit::Item::Table(defaults.as_table().clone());
+    if !has_map {
+        document["controller"]["kind"] = toml_edit::value("adaptive_torque");
+    }
+    document.to_string()
+}
+
+/// Holds the key for some cycles of a jog.
+struct Holds(u32);
+
+impl Hand for Holds {
+    fn ask(&mut self, _: &Question) -> Answer {
+        Answer::Leave
+    }
+
+    fn tell(&mut self, _: &str) {}
+
+    fn take_key(&mut self, _: &str) {
+        self.0 = 0;
+    }
+
+    fn key(&mut self) -> Key {
+        self.0 += 1;
+        if self.0 < 600 { Key::Beat } else { Key::LetGo }
+    }
+}
+
+/// A jog of the second of these drives; an error in words.
+fn jogged<L: Link + Clone + 'static>(base: &str, link: &L, clock: &VirtualClock) -> Result<JogEnd, String> {
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let mut ended = Err("no jog".to_owned());
+    with_found(base, &mut open, &mut Holds(0), |guide| {
+        let jog = guide.jog(1, jogging::Motion::Turns, "hold the key");
+        ended = jog.map(|jog| jog.end).map_err(|error| error.to_string());
+        guide.leave_as_found();
+        assert_eq!(guide.record.findings, [] as [&str; 0]);
+    });
+    ended
+}
+
+/// What else a drive maps stands in each frame as it was: a quick stop's deceleration of 0 would be none.
+#[test]
+fn what_else_a_drive_maps_is_as_it_was_behind_a_jog() {
+    const MORE: [(u16, u32); 3] = [(0x6085, 33_377_208), (0x6084, 66_754_416), (0x60E0, 1500)];
+    let entry = |(index, bits): (u16, u8)| {
+        format!("<Entry><Index>#x{index:04X}</Index><SubIndex>0</SubIndex><BitLen>{bits}</BitLen></Entry>")
+    };
+    let more: String = [(0x6085, 32), (0x6084, 32), (0x60E0, 16)].map(entry).concat();
+    let (link, clock) = made(&[(TARGET_TORQUE, &format!("{TARGET_TORQUE}{more}"))]);
+    let mut bus = by_tool(&link, &clock);
+    for (index, value) in MORE {
+        for position in 0..3 {
+            let bytes = &value.to_le_bytes()[..if index == 0x60E0 { 2 } else { 4 }];
+            bus.sdo_write(position, ObjectAddress::new(index, 0), bytes).unwrap();
+        }
+    }
+    drop(bus);
+    // Its own map will do, so it stays.
+    assert_eq!(jogged(&base("sync0", true), &link, &clock), Ok(JogEnd::LetGo));
+    let mut bus = by_tool(&link, &clock);
+    for (index, value) in MORE {
+        for position in 0..3 {
+            let bytes = bus.sdo_read(position, ObjectAddress::new(index, 0), SdoAccess::Entry).unwrap();
+            let found = bytes.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte));
+            assert_eq!(found, value, "{index:04x} of {position}");
+        }
+    }
+}
+
+/// Most drives are delivered with a map of positions.
+#[test]
+fn a_drive_whose_own_map_is_none_for_a_jog_has_the_files() {
+    let by_position = [
+        ("<RxPdo Sm=\"2\" Fixed=\"0\">", "<RxPdo Was=\"2\" Fixed=\"0\">"),
+        ("<RxPdo Fixed=\"0\">", "<RxPdo Sm=\"2\" Fixed=\"0\">"),
+    ];
+    let (link, clock) = made(&by_position);
+    assert_eq!(jogged(&base("sync0", true), &link, &clock), Ok(JogEnd::LetGo));
+    let (link, clock) = made(&by_position);
+    let refused = jogged(&base("sync0", false), &link, &clock).unwrap_err();
+    assert!(refused.contains("SubDevice 0: its map has no 0x60FF of 32 bits"), "{refused}");
+    assert!(
+        refused.contains("give its drive in the robot's file `outputs` and `inputs` with it"),
+        "{refused}"
+    );
+}
+
+#[test]
+fn a_drive_without_sync0_is_jogged_as_the_file_has_it_synchronised() {
+    let begins = MAKER.find("<Dc>").unwrap();
+    let ends = MAKER.find("</Dc>").unwrap() + "</Dc>".len();
+    let no_clocks = [(&MAKER[begins..ends], "")];
+    for synchronisation in ["sync_manager_event", "free_run"] {
+        let (link, clock) = made(&no_clocks);
+        assert_eq!(
+            jogged(&base(synchronisation, true), &link, &clock),
+            Ok(JogEnd::LetGo),
+            "{synchronisation}"
+        );
+    }
+    let (link, clock) = made(&no_clocks);
+    let refused = jogged(&base("sync0", true), &link, &clock).unwrap_err();
+    assert!(refused.contains("0x0030"), "{refused}");
+}
+
+/// In another mode a drive would go where nobody told it.
+#[test]
+fn a_drive_that_has_not_the_mode_of_a_jog_or_does_not_take_it_is_not_enabled() {
+    /// Changes what an answer to an SDO says.
+    #[derive(Clone)]
+    struct Lying(Powered, &'static [u8], &'static [u8]);
+    impl Link for Lying {
+        fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+            self.0.send(frame)
+        }
+
+        fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+            let received = self.0.receive(buffer, deadline)?;
+            let Lying(_, truth, lie) = *self;
+            if let Some(at) = buffer.windows(truth.len()).position(|bytes| bytes == truth) {
+                buffer[at + truth.len()..at + truth.len() + lie.len()].copy_from_slice(lie);
+            }
+            Ok(received)
+        }
+    }
+    let unmapped = [(MODE_SHOWN, "<Entry><Index>#x0</Index><BitLen>16</BitLen></Entry>")];
+    // An upload's answer of so many bytes, and the object.
+    let (supported, shown) = (&[0x43, 0x02, 0x65, 0x00], &[0x4F, 0x61, 0x60, 0x00]);
+    for (others, truth, lie, expected) in [
+        (&unmapped[..], &shown[..], &[9][..], Ok(JogEnd::LetGo)),
+        (&unmapped[..], &shown[..], &[8][..], Err("told mode 9 (csv) and shows 8 (6061:00)")),
+        // All but csv.
+        (&[][..], &supported[..], &[0xAD, 2, 0, 0][..], Err("its drive has no csv (0x6502 = 0x000002ad)")),
+    ] {
+        let (link, clock) = made(others);
+        let ended = jogged(&base("sync0", true), &Lying(link, truth, lie), &clock);
+        match expected {
+            Ok(end) => assert_eq!(ended, Ok(end)),
+            Err(words) => assert!(ended.as_ref().is_err_and(|found| found.contains(words)), "{ended:?}"),
+        }
+    }
+}
