@@ -63,6 +63,8 @@ pub struct StepShown {
     pub words: String,
     /// It is over.
     pub is_done: bool,
+    /// Somebody went on without it, or a part of it.
+    pub is_passed_over: bool,
     /// It is under way.
     pub is_now: bool,
 }
@@ -179,27 +181,27 @@ struct Common {
     next: Arc<AtomicU64>,
 }
 
-/// Which connection holds which button: the first one whose beat came.
+/// The button that is shown, and which connection holds it: the first one whose beat came.
 #[derive(Debug, Default)]
-struct Holder(Mutex<Option<(u64, u64)>>);
+struct Holder(Mutex<(Option<u64>, Option<u64>)>);
 
 impl Holder {
-    /// Whether a beat of this connection counts for this button.
-    fn takes(&self, hold: u64, connection: u64) -> bool {
-        let mut holder = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        match *holder {
-            Some((held, by)) if held == hold => by == connection,
-            // Beats of a time that is over don't take the next one's place.
-            Some((held, _)) if held > hold => false,
-            _ => {
-                *holder = Some((hold, connection));
-                true
-            }
+    /// This button is shown from now on, or none; another one than before is held by nobody yet.
+    fn shows(&self, hold: Option<u64>) {
+        let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        if held.0 != hold {
+            *held = (hold, None);
         }
     }
 
+    /// Whether a beat of this connection counts for this button: none does for one that isn't shown.
+    fn takes(&self, hold: u64, connection: u64) -> bool {
+        let mut held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        held.0 == Some(hold) && *held.1.get_or_insert(connection) == connection
+    }
+
     fn is(&self, connection: u64) -> bool {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).is_some_and(|(_, by)| by == connection)
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).1 == Some(connection)
     }
 }
 
@@ -215,6 +217,7 @@ pub struct SetupPage {
     /// What moves now.
     pub moves: Arc<MovesNow>,
     shown: watch::Sender<Arc<str>>,
+    holder: Arc<Holder>,
     end: Option<oneshot::Sender<()>>,
     thread: Option<JoinHandle<()>>,
 }
@@ -231,12 +234,13 @@ impl SetupPage {
         let (shown, seen) = watch::channel(Arc::from("{}"));
         let moves = Arc::new(MovesNow::default());
         let counters = Arc::new(Counters::default());
+        let holder: Arc<Holder> = Arc::default();
         let common = Common {
             gate: Gate::new(access, counters.clone()),
             hears: hears.clone(),
             shown: seen,
             moves: moves.clone(),
-            holder: Arc::default(),
+            holder: holder.clone(),
             next: Arc::default(),
         };
         let thread = std::thread::Builder::new().name("setup page".into()).spawn(move || {
@@ -249,11 +253,12 @@ impl SetupPage {
             hears.leave();
         });
         let thread = Some(thread.map_err(DashboardError::Thread)?);
-        Ok(SetupPage { address, moves, shown, end: Some(end), thread })
+        Ok(SetupPage { address, moves, shown, holder, end: Some(end), thread })
     }
 
     /// From now on pages show this.
     pub fn show(&self, shown: &SetupShown) {
+        self.holder.shows(shown.hold.as_ref().map(|hold| hold.number));
         let text = serde_json::to_string(shown).unwrap_or_default();
         self.shown.send_replace(text.into());
     }
@@ -443,9 +448,18 @@ mod tests {
     #[test]
     fn one_page_holds_a_button_and_what_is_over_is_held_by_nobody() {
         let holder = Holder::default();
+        assert!(!holder.takes(3, 1), "none is shown");
+        holder.shows(Some(3));
+        // Nobody has shown that one yet, and nobody ever will.
+        assert!(!holder.takes(4, 1) && !holder.takes(u64::MAX, 1));
         assert!(holder.takes(3, 1) && holder.takes(3, 1) && !holder.takes(3, 2));
+        // More is said while it is held.
+        holder.shows(Some(3));
         assert!(holder.is(1) && !holder.is(2));
+        holder.shows(Some(4));
         assert!(holder.takes(4, 2) && !holder.takes(3, 1) && !holder.takes(4, 1));
+        holder.shows(None);
+        assert!(!holder.takes(4, 2) && !holder.is(2));
     }
 
     #[test]

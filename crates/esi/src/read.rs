@@ -13,6 +13,8 @@ const TIME_LIMIT_MS: i64 = 3_600_000;
 const CONFIG_DATA_LIMIT: usize = 256;
 /// Largest EEPROM, bytes: 4 MBit.
 const EEPROM_LIMIT: i64 = 1 << 19;
+/// The most SyncManagers: as many as a PDO's `Sm` can name.
+const SYNC_MANAGER_LIMIT: usize = 32;
 /// Registers that a file may want written (ETG.2000, element `ESC`).
 const REGISTERS: [(&str, u16); 5] =
     [("Reg0108", 0x0108), ("Reg0400", 0x0400), ("Reg0410", 0x0410), ("Reg0420", 0x0420), ("Reg0204", 0x0204)];
@@ -67,7 +69,13 @@ fn part(child: Element, device: &mut Device, notes: &mut Notes) {
         "GroupType" => device.group = short(child.text()),
         "Profile" => dictionary::profile(child, &mut device.profiles, &mut device.dictionary, notes),
         "Fmmu" => device.fmmus.push(fmmu(child, notes)),
-        "Sm" => device.sync_managers.push(sync_manager(child, notes)),
+        "Sm" if device.sync_managers.len() < SYNC_MANAGER_LIMIT => {
+            device.sync_managers.push(sync_manager(child, notes));
+        }
+        "Sm" => child.problem(
+            format!("more than {SYNC_MANAGER_LIMIT} SyncManagers, more than any controller has: this one isn't read"),
+            notes,
+        ),
         "RxPdo" => pdo::add(child, &mut device.rx_pdos, notes),
         "TxPdo" => pdo::add(child, &mut device.tx_pdos, notes),
         "Mailbox" => device.mailbox = Some(mailbox::read(child, notes)),

@@ -1,6 +1,7 @@
 //! The steps, one after the other.
 
 mod alias_write;
+mod apart;
 mod at_start;
 mod before;
 mod brakes;
@@ -101,13 +102,22 @@ pub enum SetupError {
     )]
     OtherJogged,
     /// There are fewer drives than wheels.
-    #[error("the file has {wheels} wheels, on the bus are {drives} drives of the profile CiA 402")]
+    #[error(
+        "the file has {wheels} wheels, on the bus are {drives} drives of the profile CiA 402 that may turn one (who is a device of the \
+         file, or turns no wheel as was said, isn't counted)"
+    )]
     TooFewDrives {
         /// Wheels of the file.
         wheels: usize,
         /// Drives found.
         drives: usize,
     },
+    /// The file's devices aren't where it has them.
+    #[error(
+        "the file's [[device]] tables aren't what is on the bus, so nothing is turned: {0}. Put them right in the file of --robot, or plug \
+         and name (`omnibase eeprom alias`) the devices so, and give the same command again"
+    )]
+    Devices(String),
     /// The file.
     #[error(transparent)]
     File(#[from] RobotFileError),
@@ -261,7 +271,7 @@ impl<'a, C: Clock> Guide<'a, C> {
             return Err(SetupError::OtherRobot);
         }
         // Nothing else tells two robots of one kind apart.
-        let is_doubtful = is_another || self.record.jogged.iter().any(|one| one.serial == 0);
+        let is_doubtful = is_another || self.record.jogged.iter().any(|one| one.serial == 0 || one.has_twins);
         if is_doubtful && !self.record.jogged.is_empty() {
             match self.is_robot_that_was_jogged() {
                 Ok(true) => {}
@@ -288,20 +298,32 @@ impl<'a, C: Clock> Guide<'a, C> {
             return Ok(Ended::Left(None));
         }
         for step in Step::ALL {
-            let was_done = self.record.done.contains(&step);
+            let is_over = self.record.done.contains(&step);
+            let was_passed_over = self.record.passed_over_of(step);
+            let was_done = is_over && was_passed_over.is_none();
             self.hand.step(step, was_done);
             // Who was there must be there still.
             if step == Step::Find && was_done {
                 self.compare()?;
-                if !self.are_in_their_places()? || !self.settle()? {
+                if !self.are_in_their_places()? || !self.settle()? || !self.set_apart()? {
                     return Ok(Ended::Left(None));
                 }
             }
             if was_done {
                 continue;
             }
+            if let (Some(words), Some(name)) = (was_passed_over.filter(|_| is_over), step.offered_as()) {
+                match self.is_made_good(name, &words) {
+                    Ok(true) => {}
+                    Ok(false) => {
+                        self.hand.passed_over(step);
+                        continue;
+                    }
+                    Err(Leave) => return self.left(),
+                }
+            }
             let done = match step {
-                Step::Find => self.find().and_then(|()| self.settle())?,
+                Step::Find => self.find().and_then(|()| Ok(self.settle()? && self.set_apart()?))?,
                 Step::Jog => self.jog_all()?,
                 Step::Enable => self.enable_all()?,
                 Step::SafeTorqueOff => self.stop_all()?,
@@ -313,13 +335,24 @@ impl<'a, C: Clock> Guide<'a, C> {
                 Step::Calibration => self.calibrate()?,
             };
             if !done {
-                self.kept();
-                let has_file = self.record.done.contains(&Step::File);
-                return Ok(Ended::Left(if has_file { Some(self.text()?) } else { None }));
+                return self.left();
             }
             self.finish(step);
         }
         Ok(Ended::File(self.text()?))
+    }
+
+    fn left(&mut self) -> Result<Ended, SetupError> {
+        self.kept();
+        let has_file = self.record.done.contains(&Step::File);
+        Ok(Ended::Left(if has_file { Some(self.text()?) } else { None }))
+    }
+
+    /// Whether what was passed over is done now.
+    fn is_made_good(&mut self, name: &str, words: &str) -> Result<bool, Leave> {
+        let text = format!("{words}: passed over before. Do it now, or go on without?");
+        let choices = ["now", "go on"].map(str::to_owned);
+        Ok(self.choose(format!("passed {name}"), text, &choices)? == choices[0])
     }
 
     /// The robot's file, of what was found so far.
@@ -328,7 +361,13 @@ impl<'a, C: Clock> Guide<'a, C> {
     }
 
     fn finish(&mut self, step: Step) {
-        self.record.note(format!("done: {}", step.words()));
+        match self.record.passed_over_of(step) {
+            Some(words) => {
+                self.record.note(format!("passed over: {words}"));
+                self.hand.passed_over(step);
+            }
+            None => self.record.note(format!("done: {}", step.words())),
+        }
         if !self.record.done.contains(&step) {
             self.record.done.push(step);
         }

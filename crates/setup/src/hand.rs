@@ -58,6 +58,9 @@ pub trait Hand {
         self.tell(&format!("{word}: {}", step.words()));
     }
 
+    /// The step that is over was passed over, as a whole or in part.
+    fn passed_over(&mut self, _step: Step) {}
+
     /// A time begins in which a held key moves a drive; `what` says what it does.
     fn take_key(&mut self, what: &str);
 

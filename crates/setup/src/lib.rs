@@ -24,5 +24,5 @@ pub use drive::{DriveMap, MapProblem};
 pub use guide::{BackUp, Calibrated, Ended, Guide, Open, Outside, SetupError, Wished};
 pub use hand::{Answer, Hand, Key, Question};
 pub use jog::{Jog, JogEnd, JogPlan};
-pub use record::{AliasWrite, FoundDrive, Leg, Record, Step, Turned};
+pub use record::{AliasWrite, FoundDevice, FoundDrive, Leg, PassedOver, Record, Step, Turned};
 pub use turns::{COMMON_RESOLUTIONS, likely_resolution};

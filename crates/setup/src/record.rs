@@ -43,6 +43,16 @@ impl Step {
         Step::Calibration,
     ];
 
+    /// Under which name it is offered again where it was passed over; `None` where it asks by itself, or can't be passed over.
+    pub(crate) fn offered_as(self) -> Option<&'static str> {
+        match self {
+            Step::Enable => Some("enable"),
+            Step::Brake => Some("brake"),
+            Step::SafeTorqueOff => Some("stop"),
+            _ => None,
+        }
+    }
+
     /// In words.
     pub fn words(self) -> &'static str {
         match self {
@@ -101,6 +111,9 @@ pub struct FoundDrive {
     /// An alias that was written and that it didn't show yet; it is found by its position until then.
     #[serde(default)]
     pub written_alias: Option<u16>,
+    /// Others on its bus had its numbers, too, when it was jogged: its serial number tells nobody apart.
+    #[serde(default)]
+    pub has_twins: bool,
     /// Counts per turn of the motor by 0x608F, where it says it.
     pub told_counts: Option<f64>,
     /// Turns of the motor per turn of the shaft by 0x6091, where it says it.
@@ -131,15 +144,43 @@ pub struct AliasWrite {
     pub begins: Vec<u8>,
 }
 
-/// A SubDevice that is no drive.
+/// A SubDevice that turns no wheel: it is never jogged.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct FoundDevice {
+    /// Its name in the robot's file; `None` where that has none.
+    #[serde(default)]
+    pub name: Option<String>,
     /// Position on the bus.
     pub position: u16,
     /// Vendor.
     pub vendor_id: u32,
     /// Product.
     pub product_code: u32,
+    /// Serial number; 0 where it has none.
+    #[serde(default)]
+    pub serial: u32,
+    /// Alias; `None` where it has none.
+    #[serde(default)]
+    pub alias: Option<u16>,
+}
+
+impl FoundDevice {
+    /// By what tells drives apart.
+    pub(crate) fn as_drive(&self) -> FoundDrive {
+        let FoundDevice { position, vendor_id, product_code, serial, alias, .. } = *self;
+        FoundDrive { position, vendor_id, product_code, serial, alias, ..FoundDrive::default() }
+    }
+}
+
+/// What somebody went on without.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct PassedOver {
+    /// The step.
+    pub step: Step,
+    /// The wheel; `None` where it is a step of the whole robot.
+    pub wheel: Option<String>,
+    /// What was found of it, in words.
+    pub why: String,
 }
 
 /// One way driven on the floor.
@@ -160,14 +201,17 @@ pub struct Leg {
 /// Everything that was found and done.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// Steps that are over.
+    /// Steps that are over, those that were passed over among them.
     pub done: Vec<Step>,
+    /// What of these somebody went on without: it is offered again.
+    #[serde(default)]
+    pub passed_over: Vec<PassedOver>,
     /// Drives, by position.
     pub drives: Vec<FoundDrive>,
     /// Drives as they were found before their first jog, until what jogs wrote over is put back.
     #[serde(default)]
     pub jogged: Vec<FoundDrive>,
-    /// SubDevices that are no drives, by position.
+    /// SubDevices that turn no wheel, by position.
     #[serde(default)]
     pub others: Vec<FoundDevice>,
     /// The robot that the set-up was begun with: its wheels and their places, in words to be compared.
@@ -205,6 +249,37 @@ impl Record {
     /// Nothing is done yet: what was driven on the floor was driven by what was known then.
     pub fn begin_again(&mut self) {
         (self.done, self.legs, self.takes_calibration) = (Vec::new(), Vec::new(), false);
+        self.passed_over.clear();
+    }
+
+    /// Somebody goes on without a step, for one wheel or the whole robot; `why` is found.
+    pub fn pass_over(&mut self, step: Step, wheel: Option<&str>, why: impl Into<String>) {
+        self.make_good(step, wheel);
+        let (wheel, why) = (wheel.map(str::to_owned), why.into());
+        self.found(&why);
+        self.passed_over.push(PassedOver { step, wheel, why });
+    }
+
+    /// What was passed over is done by now: it is found no more.
+    pub fn make_good(&mut self, step: Step, wheel: Option<&str>) {
+        for one in self.passed_over.extract_if(.., |one| one.step == step && one.wheel.as_deref() == wheel) {
+            self.findings.retain(|text| *text != one.why);
+        }
+    }
+
+    /// Whether a step is to be done for this wheel: it wasn't yet, or was passed over.
+    pub fn is_due(&self, step: Step, wheel: &str) -> bool {
+        let is_it = |one: &PassedOver| one.step == step && one.wheel.as_deref() == Some(wheel);
+        !self.done.contains(&step) || self.passed_over.iter().any(is_it)
+    }
+
+    /// What of a step was passed over, in words; `None` where nothing was.
+    pub fn passed_over_of(&self, step: Step) -> Option<String> {
+        let mut passed = self.passed_over.iter().filter(|one| one.step == step).peekable();
+        passed.peek()?;
+        let wheels: Vec<&str> = passed.filter_map(|one| one.wheel.as_deref()).collect();
+        let of = if wheels.is_empty() { String::new() } else { format!(" of {}", wheels.join(", ")) };
+        Some(format!("{}{of}", step.words()))
     }
 
     /// Notes something that was done.

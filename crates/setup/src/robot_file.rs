@@ -2,7 +2,7 @@
 
 use omnibase_robot::Registry;
 use omnibase_robot::config::{Problem, RobotPlan};
-use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, value};
+use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value, value};
 
 use crate::guide::is_product;
 use crate::record::{FoundDrive, Record, Turned};
@@ -60,27 +60,36 @@ pub fn write(base: &str, record: &Record, registry: &Registry) -> Result<String,
     Ok(text)
 }
 
-/// Who is on the bus and turns no wheel is in the file, too: what isn't named there keeps a robot from its start.
+/// Who is on the bus, turns no wheel and isn't named in the file, is named there: it would keep a robot from its start.
 fn leave_alone(document: &mut DocumentMut, plan: &RobotPlan, record: &Record) {
-    // Who has devices in the file knows them better.
-    if !plan.devices.is_empty() {
-        return;
-    }
     let idle = record.drives.iter().filter(|drive| drive.wheel.is_none());
     let idle = idle.map(|drive| (drive.position, drive.vendor_id, drive.product_code));
-    let others = record.others.iter().map(|one| (one.position, one.vendor_id, one.product_code));
+    let others = record.others.iter().filter(|one| one.name.is_none());
+    let others = others.map(|one| (one.position, one.vendor_id, one.product_code));
     let mut tables = ArrayOfTables::new();
     for (position, vendor_id, product_code) in others.chain(idle) {
         let mut table = Table::new();
-        table.insert("name", value(format!("subdevice_{position}")));
+        let mut name = format!("subdevice_{position}");
+        while plan.devices.iter().any(|one| one.name == name) {
+            name.push('_');
+        }
+        table.insert("name", value(name));
         table.insert("position", value(i64::from(position)));
         table.insert("kind", value("ignore"));
         table.insert("vendor_id", value(format!("0x{vendor_id:X}")));
         table.insert("product_code", value(format!("0x{product_code:X}")));
         tables.push(table);
     }
-    if !tables.is_empty() {
-        document.insert("device", Item::ArrayOfTables(tables));
+    if tables.is_empty() {
+        return;
+    }
+    match document.get_mut("device") {
+        Some(Item::ArrayOfTables(written)) => written.extend(tables),
+        // `device = [{ … }]`
+        Some(Item::Value(Value::Array(written))) => {
+            written.extend(tables.into_iter().map(Table::into_inline_table))
+        }
+        _ => drop(document.insert("device", Item::ArrayOfTables(tables))),
     }
 }
 
@@ -173,7 +182,7 @@ mod tests {
                 found(3, Some("wheel_3"), 2),
                 found(4, None, 2),
             ],
-            others: vec![FoundDevice { position: 0, vendor_id: 2, product_code: 0x044C_2C52 }],
+            others: vec![FoundDevice { vendor_id: 2, product_code: 0x044C_2C52, ..FoundDevice::default() }],
             ..Record::default()
         };
         let text = write(&base, &record, &Registry::with_built_in()).unwrap();
@@ -183,5 +192,21 @@ mod tests {
         let alone: Vec<_> = plan.devices.iter().map(|device| (device.kind.as_str(), device.place)).collect();
         let at = omnibase_robot::config::BusPlace::Position;
         assert_eq!(alone, [("ignore", at(0)), ("ignore", at(4))], "{text}");
+        // Whom the file has named already isn't named again, however its tables are written.
+        let named = FoundDevice { name: Some("io".to_owned()), position: 5, ..FoundDevice::default() };
+        let record = Record { others: [record.others.clone(), vec![named]].concat(), ..record };
+        let device = "name = \"subdevice_0\"\nposition = 5\nkind = \"ignore\"\n";
+        let inline = format!("device = [{{ {} }}]\n{base}", device.trim().replace('\n', ", "));
+        for base in [format!("{base}\n[[device]]\n{device}"), inline] {
+            let text = write(&base, &record, &Registry::with_built_in()).unwrap();
+            let plan = self::plan(&text, &Registry::with_built_in()).unwrap();
+            let alone: Vec<_> =
+                plan.devices.iter().map(|device| (device.name.as_str(), device.place)).collect();
+            assert_eq!(
+                alone,
+                [("subdevice_0", at(5)), ("subdevice_0_", at(0)), ("subdevice_4", at(4))],
+                "{text}"
+            );
+        }
     }
 }

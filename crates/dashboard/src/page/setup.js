@@ -152,10 +152,10 @@ function show(message) {
   shown = message;
   over = message.over;
   at("robot").textContent = message.robot;
-  at("steps").replaceChildren(...message.steps.map(({ words, is_done, is_now }) => {
+  at("steps").replaceChildren(...message.steps.map(({ words, is_done, is_passed_over, is_now }) => {
     const item = document.createElement("li");
     item.textContent = words;
-    item.className = is_done ? "done" : is_now ? "now" : "";
+    item.className = is_now ? "now" : is_passed_over ? "passed" : is_done ? "done" : "";
     if (is_now) item.setAttribute("aria-current", "step");
     return item;
   }));

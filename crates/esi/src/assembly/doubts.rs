@@ -92,14 +92,15 @@ impl Assembly<'_> {
             // Buffered mode has three (ETG.1000.4, SyncManager's control).
             let buffers = if control & 3 == 0 { 3 } else { 1 };
             // Of two that begin at the same place the first is told.
-            let others = (0..).zip(managers).filter(|(_, other)| !other.is_virtual && !manager.is_virtual);
+            let others =
+                (0..=u8::MAX).zip(managers).filter(|(_, other)| !other.is_virtual && !manager.is_virtual);
             let next = others.filter_map(|(at, other)| Some((other.start?, at)));
             let (next, _) = next.filter(|next| *next > (start, number)).min()?;
             let is_beyond = u32::from(start) + buffers * bytes > u32::from(next);
             let doubt = Doubt::NoRoom { sync_manager: number, is_mailbox, bytes, buffers, start, next };
             is_beyond.then_some(doubt)
         };
-        (0..).zip(managers).filter_map(beyond).collect()
+        (0..=u8::MAX).zip(managers).filter_map(beyond).collect()
     }
 
     /// Kinds of slots that have fewer modules than their file asks for.

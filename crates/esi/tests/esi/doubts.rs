@@ -435,3 +435,36 @@ fn identification_and_refused_commands_stand_in_the_eeprom() {
     assert_eq!(flags(device) & sii::FLAG_IDENT_AL_STATUS, sii::FLAG_IDENT_AL_STATUS);
     assert_eq!(flags(&file.devices[0]) & sii::FLAG_NO_LRW, sii::FLAG_NO_LRW);
 }
+
+/// Elements that come by hundreds are bounded or told, whatever counts them: each that makers repeat, from none to 600 of them.
+#[test]
+fn elements_by_hundreds_are_told_and_end_nothing() {
+    let repeated = [
+        "<Sm StartAddress=\"#x1000\" ControlByte=\"#x64\">Outputs</Sm>",
+        "<Sm StartAddress=\"#x1000\" ControlByte=\"#x26\" DefaultSize=\"64\">MBoxOut</Sm>",
+        "<Fmmu>Outputs</Fmmu>",
+        "<RxPdo Sm=\"0\"><Index>#x1600</Index></RxPdo>",
+        "<TxPdo><Index>#x1A00</Index><Entry><Index>0</Index><BitLen>1</BitLen></Entry></TxPdo>",
+        "<Dc><OpMode><Name>a</Name></OpMode></Dc>",
+        "<Mailbox><CoE><InitCmd><Transition>PS</Transition><Index>#x2000</Index><SubIndex>0</SubIndex><Data>00</Data></InitCmd></CoE></Mailbox>",
+    ];
+    for (element, count) in repeated.iter().flat_map(|one| [0, 31, 32, 254, 255, 256, 600].map(|n| (one, n)))
+    {
+        let file = with_device(&element.repeat(count));
+        let said = doubts(&file);
+        let bytes = image::eeprom(&file.devices[0], 1).emit();
+        assert!(sii::Image::parse(&bytes).is_ok(), "{element} {count}");
+        if element.starts_with("<Sm") {
+            // One stands there before.
+            let beyond = (1 + count).saturating_sub(32);
+            let told =
+                file.notes.problems.iter().filter(|one| one.text.contains("more than 32 SyncManagers"));
+            assert_eq!(told.count(), beyond.min(file.notes.problems.len()), "{element} {count}");
+            assert_eq!(said.iter().any(|one| one.contains("more than 32 SyncManagers")), beyond > 0);
+            assert_eq!(file.devices[0].sync_managers.len(), (1 + count).min(32));
+        }
+    }
+    let entries = "<Entry><Index>#x7000</Index><SubIndex>1</SubIndex><BitLen>1</BitLen></Entry>".repeat(600);
+    let file = with_device(&format!("<RxPdo Sm=\"0\"><Index>#x1600</Index>{entries}</RxPdo>"));
+    drop((doubts(&file), image::eeprom(&file.devices[0], 1).emit()));
+}

@@ -169,7 +169,7 @@ fn process_sync_managers(image: &Image) -> Vec<ProcessSyncManager> {
         let later = image.sync_managers.iter().map(|sm| sm.start).filter(move |start| *start > after);
         later.min().unwrap_or(MEMORY_END)
     };
-    (0..)
+    (0..=u8::MAX)
         .zip(&image.sync_managers)
         .filter_map(|(number, sm)| {
             let buffers = if sm.control & 3 == 0 { 3 } else { 1 };

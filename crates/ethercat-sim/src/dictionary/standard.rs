@@ -108,7 +108,7 @@ pub fn nameplate_objects(nameplate: &Nameplate) -> Vec<Object> {
 
 /// 0x1C00: what each SyncManager is for (1 and 2 mailbox, 3 outputs, 4 inputs, 0 unused).
 pub fn sync_manager_types(types: &[u8]) -> Object {
-    let entries = (1..).zip(types).map(|(subindex, kind)| {
+    let entries = (1..=u8::MAX).zip(types).map(|(subindex, kind)| {
         Entry::unsigned8(subindex, format!("SyncManager {} type", subindex - 1), *kind)
     });
     Object::array(0x1C00, "SyncManager type", entries.collect())

@@ -42,12 +42,13 @@ const RECORD_HEAD: &str = "# Set-up\n\n";
 
 ALL WHEELS OFF THE GROUND, one hand on the emergency stop. A drive turns only while the space bar, or the page's button, is held,
 at a tenth of its rated torque and half a radian per second; a key that isn't heard for a quarter of a second, or a terminal or page
-that is gone, stops it. Steps: find, jog each wheel (which, which way, how far), alias or switch of each drive, enable without moving, brakes,
+that is gone, stops it. Drives that the file has as a [[device]] (a lift) are never turned, and with more drives than wheels you are
+asked first which turn none. Steps: find, jog each wheel (which, which way, how far), alias or switch of each drive, enable without moving, brakes,
 emergency stop, parameters, file; then on the floor the first metre, and a calibration by a tape. With --lines
 each line is a JSON object. Out: {\"tell\": text}, {\"question\": {id, text, choices, default}}, {\"hold\": what}; in: {\"answer\": text},
 {\"key\": true} for each beat of the held key, {\"key\": false} where it is let go, {\"leave\": true}; in the end
 {\"over\": {is_whole, findings, text}}. A key that is still down when a motion begins is none of its own: let it go first. What was
-found and done stands beside the file, as .state.json and .record.md; another file of that name is left alone. `omnibase run` and `calibrate` go on from there.
+found and done stands beside the file, as .state.json and .record.md, and what was passed over: the same command offers it again; another file of that name is left alone. `omnibase run` and `calibrate` go on from there.
 [guide: docs/guides/any-device.md]")]
 pub struct Arguments {
     /// Network interface, or sim:<segment.toml>.
@@ -171,8 +172,11 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let words = match &finished {
         Ok(true) => {
             let (file, told) = (arguments.output.display(), told.display());
+            let passed_over = passed_over(&record).map_or(String::new(), |words| {
+                format!("\nPASSED OVER, and offered again by the same command: {words}")
+            });
             format!(
-                "{file} is written; {} findings, in {told}\nnext: omnibase check {file}, and what a tape can't show: omnibase calibrate {file}",
+                "{file} is written; {} findings, in {told}{passed_over}\nnext: omnibase check {file}, and what a tape can't show: omnibase calibrate {file}",
                 record.findings.len()
             )
         }
@@ -385,12 +389,23 @@ fn with_wheels(text: &str, calibrated: &Calibrated) -> anyhow::Result<String> {
     Ok(text)
 }
 
+/// What of the steps that are over somebody went on without, in words.
+fn passed_over(record: &Record) -> Option<String> {
+    let all: Vec<String> = record.done.iter().filter_map(|step| record.passed_over_of(*step)).collect();
+    (!all.is_empty()).then(|| all.join("; "))
+}
+
 /// The record for people.
 fn in_words(record: &Record) -> String {
     let mut text = String::from(RECORD_HEAD);
-    let done: Vec<&str> = record.done.iter().map(|step| step.words()).collect();
+    let over = || record.done.iter().map(|step| (step.words(), record.passed_over_of(*step)));
+    let done: Vec<&str> =
+        over().filter(|(_, passed_over)| passed_over.is_none()).map(|(words, _)| words).collect();
     text +=
         &format!("Done: {}.\n\n", if done.is_empty() { "nothing yet".to_owned() } else { done.join("; ") });
+    if let Some(passed_over) = passed_over(record) {
+        text += &format!("PASSED OVER, and offered again by the same command: {passed_over}.\n\n");
+    }
     for (head, lines) in
         [("## Not as the file had it", &record.findings), ("## What was done, in order", &record.log)]
     {

@@ -235,6 +235,16 @@ fn a_makers_drive_is_found_as_one() {
     std::fs::write(&path, segment).unwrap();
     let tables = words(&omnibase(&["scan", &format!("sim:{path}"), "--toml"]).stdout);
     assert!(tables.contains("[[drive]]"), "{tables}");
+    // One whose map tells no wheel anything.
+    let lacks = "put 60FF:32 (target velocity), or 6071:16 (target torque) for a law of torque, into `outputs`: its map lacks both.";
+    assert!(!tables.contains(lacks), "{tables}");
+    let text = std::fs::read_to_string(root().join("segments/maker.xml")).unwrap();
+    let maker = folder.path("maker.xml");
+    std::fs::write(&maker, text.replace("#x60FF", "#x60C1").replace("#x6071", "#x60B2")).unwrap();
+    let segment = format!("[[subdevice]]\nkind = \"esi\"\nesi = \"{maker}\"\ndevice = \"MU-SERVO\"\n");
+    std::fs::write(&path, segment).unwrap();
+    let tables = words(&omnibase(&["scan", &format!("sim:{path}"), "--toml"]).stdout);
+    assert!(tables.contains(lacks), "{tables}");
 }
 
 #[test]

@@ -12,8 +12,9 @@ use omnibase_robot::config::{BusPlace, BusPlan, DevicePlan, Synchronisation};
 use super::{is_identity, is_product};
 use crate::record::FoundDrive;
 
-/// What a jog writes over in a drive of its own: max torque, mode, how it is synchronised.
-pub(super) const JOG_WRITES: [(u16, u8); 4] = [(MAX_TORQUE, 0), (0x6060, 0), (0x1C32, 1), (0x1C33, 1)];
+/// What a jog writes over in a drive of its own: max torque, mode, what is added to a speed, how it is synchronised.
+pub(super) const JOG_WRITES: [(u16, u8); 5] =
+    [(MAX_TORQUE, 0), (0x6060, 0), (0x60B1, 0), (0x1C32, 1), (0x1C33, 1)];
 pub(super) const MAX_TORQUE: u16 = 0x6072;
 /// Has a drive store what it holds, for one the max torque of a jog.
 pub(super) const STORE: u16 = 0x1010;
@@ -37,9 +38,6 @@ impl AtStart {
         for other in all {
             common.sdos.retain(|sdo| other.sdos.iter().any(|one| is_same(one, sdo)));
             common.safe_op_sdos.retain(|sdo| other.safe_op_sdos.iter().any(|one| is_same(one, sdo)));
-            if other.pdos != common.pdos {
-                common.pdos.clear();
-            }
         }
         for list in [&mut common.sdos, &mut common.safe_op_sdos] {
             list.retain(|SdoWrite { object, .. }| {

@@ -9,7 +9,7 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 use super::at_start::JOG_WRITES;
 use super::reading::{held, number};
 use super::{AnyBus, Guide, Leave, SetupError, has_its_numbers, is_it, seen, who};
-use crate::record::{FoundDrive, Record};
+use crate::record::{FoundDevice, FoundDrive, Record};
 
 impl<C: Clock> Guide<'_, C> {
     /// Whether this may be another drive by now, of which something else is known, and nobody said that it isn't.
@@ -86,7 +86,7 @@ impl<C: Clock> Guide<'_, C> {
                 alike.map(|other| other.position).collect::<BTreeSet<u16>>().len()
             };
             // One that has a serial number is there wherever it is plugged in.
-            let jogged = if one.serial == 0 { places(&self.record.jogged) } else { 1 };
+            let jogged = if is_told_apart(&self.record, one) { 1 } else { places(&self.record.jogged) };
             let is_there = places(&self.record.drives) >= jogged;
             if !is_there && told.insert((one.vendor_id, one.product_code, one.serial)) {
                 fail(
@@ -208,20 +208,31 @@ fn held_before(one: &FoundDrive) -> BTreeSet<&(u16, u8, Vec<u8>)> {
     one.was.iter().collect()
 }
 
-/// Remembers what drives held that are jogged from now on; whether anything is new. Who has a serial number is one drive wherever it was
-/// plugged in, others are as many as there were places and contents.
+/// Whether the serial number tells a drive from all others: it has one, and nobody on the bus or among those that were jogged on one
+/// bus shares its numbers.
+fn is_told_apart(record: &Record, drive: &FoundDrive) -> bool {
+    let is_its = |one: &&FoundDrive| has_its_numbers(one, drive);
+    let others: Vec<FoundDrive> = record.others.iter().map(FoundDevice::as_drive).collect();
+    let is_alone = record.drives.iter().chain(&others).filter(is_its).count() <= 1;
+    drive.serial != 0 && is_alone && record.jogged.iter().filter(is_its).all(|one| !one.has_twins)
+}
+
+/// Remembers what drives held that are jogged from now on; whether anything is new. Who has a serial number of its own is one drive
+/// wherever it was plugged in, others are as many as there were places, aliases and contents.
 pub(super) fn remember(record: &mut Record) -> bool {
+    let are_apart: Vec<bool> = record.drives.iter().map(|drive| is_told_apart(record, drive)).collect();
     let Record { drives, jogged, .. } = record;
     let (before, mut any) = (jogged.clone(), false);
-    for drive in drives {
-        let is_kept =
-            |one: &FoundDrive| has_its_numbers(one, drive) && held_before(one) == held_before(drive);
+    for (drive, is_apart) in drives.iter().zip(are_apart) {
+        let is_kept = |one: &FoundDrive| {
+            has_its_numbers(one, drive) && one.alias == drive.alias && held_before(one) == held_before(drive)
+        };
         if before.iter().any(is_kept) {
             continue;
         }
         any = true;
-        let mut new = drive.clone();
-        if drive.serial != 0 {
+        let mut new = FoundDrive { has_twins: drive.serial != 0 && !is_apart, ..drive.clone() };
+        if is_apart {
             for one in jogged.extract_if(.., |one| has_its_numbers(one, drive)) {
                 let has = |was: &(u16, u8, Vec<u8>)| {
                     new.was.iter().any(|other| (other.0, other.1) == (was.0, was.1))

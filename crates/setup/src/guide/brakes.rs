@@ -5,6 +5,7 @@ use omnibase_ethercat::wire::Clock;
 use super::jogging::{ENABLED_S, Motion};
 use super::{Guide, Leave, SetupError};
 use crate::jog::JogEnd;
+use crate::record::Step;
 
 /// How long somebody pushes a wheel whose brake shall hold, s.
 const PUSHED_S: f64 = 8.0;
@@ -16,12 +17,16 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn brakes(&mut self) -> Result<bool, SetupError> {
         for number in 0..self.record.drives.len() {
             let Some(wheel) = self.record.drives[number].wheel.clone() else { continue };
+            if !self.record.is_due(Step::Brake, &wheel) {
+                continue;
+            }
             let choices = ["no", "yes"].map(str::to_owned);
             let text = format!("has the motor of {wheel} a brake?");
             match self.choose(format!("brake {number}"), text, &choices) {
                 Err(Leave) => return Ok(false),
                 Ok(choice) if choice == "no" => {
                     self.record.note(format!("{wheel}: no brake"));
+                    self.record.make_good(Step::Brake, Some(&wheel));
                     continue;
                 }
                 Ok(_) => {}
@@ -29,7 +34,10 @@ impl<C: Clock> Guide<'_, C> {
             loop {
                 match self.brake(number, &wheel)? {
                     Err(Leave) => return Ok(false),
-                    Ok(true) => break,
+                    Ok(true) => {
+                        self.record.make_good(Step::Brake, Some(&wheel));
+                        break;
+                    }
                     Ok(false) => {}
                 }
                 let text =
@@ -37,7 +45,11 @@ impl<C: Clock> Guide<'_, C> {
                 let choices = ["again", "go on"].map(str::to_owned);
                 match self.choose(format!("braked {number}"), text, &choices) {
                     Err(Leave) => return Ok(false),
-                    Ok(choice) if choice == "go on" => break,
+                    Ok(choice) if choice == "go on" => {
+                        let why = format!("{wheel}: gone on without a brake that is known to hold");
+                        self.record.pass_over(Step::Brake, Some(&wheel), why);
+                        break;
+                    }
                     Ok(_) => {}
                 }
             }

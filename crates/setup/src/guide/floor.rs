@@ -17,7 +17,7 @@ use super::{Guide, Leave, SetupError, in_words};
 use crate::dead_man::DeadMan;
 use crate::hand::Key;
 use crate::jog::enables;
-use crate::record::Leg;
+use crate::record::{Leg, Step};
 use crate::robot_file;
 
 /// Speeds on the floor: slower than anybody walks.
@@ -140,12 +140,19 @@ impl<C: Clock> Guide<'_, C> {
         match self.choose("floor".to_owned(), text.to_owned(), &choices) {
             Err(Leave) => return Ok(false),
             Ok(choice) if choice == "go on" => {
-                self.record.found("the first metre wasn't driven");
+                self.record.pass_over(Step::FirstMetre, None, "the first metre wasn't driven");
                 return Ok(true);
             }
             Ok(_) => {}
         }
-        Ok(self.is_as_jogged()? && self.measured(&WAYS[0])?.is_ok())
+        if !self.is_as_jogged()? {
+            return Ok(false);
+        }
+        let Ok(is_driven) = self.measured(&WAYS[0])? else { return Ok(false) };
+        if !is_driven {
+            self.record.pass_over(Step::FirstMetre, None, "the first metre wasn't driven to its end");
+        }
+        Ok(true)
     }
 
     /// Whoever carried it to the floor may have plugged drives that look alike otherwise; `false` where he leaves, or they are to be jogged
@@ -164,7 +171,8 @@ impl<C: Clock> Guide<'_, C> {
             Err(Leave) => return Ok(false),
             Ok(choice) if choice == "go on" => {
                 self.record.takes_calibration = false;
-                self.record.found("not calibrated: `omnibase calibrate` does it at any time");
+                let why = "not calibrated: `omnibase calibrate` does it at any time";
+                self.record.pass_over(Step::Calibration, None, why);
                 return Ok(true);
             }
             Ok(_) => {}
@@ -180,7 +188,14 @@ impl<C: Clock> Guide<'_, C> {
                 return Ok(false);
             }
         }
-        let Some(Calibrated { expected, solution, .. }) = self.calibrated()? else { return Ok(true) };
+        let Some(Calibrated { expected, solution, .. }) = self.calibrated()? else {
+            self.record.pass_over(
+                Step::Calibration,
+                None,
+                "not calibrated: not every way was driven to its end",
+            );
+            return Ok(true);
+        };
         for (was, is) in expected.wheels.iter().zip(&solution.build.wheels) {
             let share = is.radius_m / was.radius_m - 1.0;
             let text = format!(
@@ -199,6 +214,7 @@ impl<C: Clock> Guide<'_, C> {
             Err(Leave) => return Ok(false),
             Ok(choice) => self.record.takes_calibration = choice == "take",
         }
+        self.record.make_good(Step::Calibration, None);
         Ok(true)
     }
 
@@ -231,8 +247,8 @@ impl<C: Clock> Guide<'_, C> {
         Ok(Some(Calibrated { expected, tolerances, solution }))
     }
 
-    /// Drives one way as often as it takes, and asks what the tape says.
-    fn measured(&mut self, way: &Way) -> Result<Result<(), Leave>, SetupError> {
+    /// Drives one way as often as it takes, and asks what the tape says; whether it was driven to its end.
+    fn measured(&mut self, way: &Way) -> Result<Result<bool, Leave>, SetupError> {
         loop {
             let drive = self.drive(way)?;
             self.record.note(format!(
@@ -258,7 +274,7 @@ impl<C: Clock> Guide<'_, C> {
                     Ok(choice) if choice == "again" => continue,
                     Ok(_) => {
                         self.record.found(format!("{}: not driven to its end: {}", way.name, drive.words));
-                        return Ok(Ok(()));
+                        return Ok(Ok(false));
                     }
                     Err(Leave) => return Ok(Err(Leave)),
                 }
@@ -269,8 +285,11 @@ impl<C: Clock> Guide<'_, C> {
                 Ok(Some(leg)) => {
                     self.record.legs.retain(|other| other.name != leg.name);
                     self.record.legs.push(leg);
+                    if *way == WAYS[0] {
+                        self.record.make_good(Step::FirstMetre, None);
+                    }
                     self.kept();
-                    return Ok(Ok(()));
+                    return Ok(Ok(true));
                 }
             }
         }

@@ -4,7 +4,7 @@ use omnibase_ethercat::wire::Clock;
 
 use super::{ATTEMPTS, Guide, Leave, SetupError, in_words};
 use crate::jog::{Jog, JogEnd, JogPlan};
-use crate::record::{FoundDrive, Turned};
+use crate::record::{FoundDrive, Step, Turned};
 use crate::turns::{contradicts, is_seen_as, likely_resolution};
 
 /// How long a drive is enabled without moving, s.
@@ -95,7 +95,8 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn jog_all(&mut self) -> Result<bool, SetupError> {
         for _ in 0..ROUNDS {
             for number in 0..self.record.drives.len() {
-                while self.record.drives[number].wheel.is_none() {
+                // Who is left over turns no wheel.
+                while self.record.drives[number].wheel.is_none() && !self.has_every_wheel_one() {
                     match self.jog_one(number)? {
                         Ok(true) => {}
                         Ok(false) => break,
@@ -135,10 +136,19 @@ impl<C: Clock> Guide<'_, C> {
         any
     }
 
-    fn has_every_wheel_a_drive(&mut self) -> bool {
+    /// Whether each wheel was seen to be turned by some drive.
+    pub(super) fn has_every_wheel_one(&self) -> bool {
+        self.without_drive().is_none()
+    }
+
+    fn without_drive(&self) -> Option<String> {
         let drives = &self.record.drives;
         let has = |name: &String| drives.iter().any(|drive| drive.wheel.as_ref() == Some(name));
-        let Some(name) = self.wheels().into_iter().find(|name| !has(name)) else { return true };
+        self.wheels().into_iter().find(|name| !has(name))
+    }
+
+    fn has_every_wheel_a_drive(&mut self) -> bool {
+        let Some(name) = self.without_drive() else { return true };
         self.record.found(format!("no drive was seen to turn {name}"));
         self.hand
             .tell(&format!("no drive was seen to turn {name}: look at its cables and its drive, then go on"));
@@ -182,9 +192,8 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Whether a drive is jogged again after what went wrong, which is found.
     fn again_after(&mut self, position: u16, trouble: String) -> Result<bool, Leave> {
-        let text = format!("SubDevice {position}: {trouble}");
-        self.hand.tell(&text);
-        self.record.found(text);
+        let has_its_name = trouble.starts_with("SubDevice ");
+        self.tell_found(if has_its_name { trouble } else { format!("SubDevice {position}: {trouble}") });
         self.again(position)
     }
 
@@ -314,6 +323,9 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn enable_all(&mut self) -> Result<bool, SetupError> {
         for number in 0..self.record.drives.len() {
             let Some(wheel) = self.record.drives[number].wheel.clone() else { continue };
+            if !self.record.is_due(Step::Enable, &wheel) {
+                continue;
+            }
             loop {
                 let jog = self.jog(
                     number,
@@ -323,7 +335,10 @@ impl<C: Clock> Guide<'_, C> {
                 let turn = self.record.drives[number].seen_counts.unwrap_or(1.0);
                 let turns = jog.travel_counts.abs() as f64 / turn;
                 match &jog.end {
-                    JogEnd::Longest if turns <= CREEP_TURNS => break,
+                    JogEnd::Longest if turns <= CREEP_TURNS => {
+                        self.record.make_good(Step::Enable, Some(&wheel));
+                        break;
+                    }
                     JogEnd::Gone => return Ok(false),
                     JogEnd::Longest => self
                         .record
@@ -336,10 +351,9 @@ impl<C: Clock> Guide<'_, C> {
                 let choices = ["again", "go on"].map(str::to_owned);
                 match self.choose(format!("enable {number}"), text, &choices) {
                     Ok(choice) if choice == "go on" => {
-                        self.record.found(format!(
-                            "{wheel}: gone on without {ENABLED_S} s enabled at rest: {}",
-                            jog.end
-                        ));
+                        let why =
+                            format!("{wheel}: gone on without {ENABLED_S} s enabled at rest: {}", jog.end);
+                        self.record.pass_over(Step::Enable, Some(&wheel), why);
                         break;
                     }
                     Ok(_) => {}

@@ -3,6 +3,7 @@
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::Clock;
 use omnibase_ethercat::{Bus, BusOptions};
+use omnibase_robot::config::BusPlace;
 
 use super::{ATTEMPTS, AnyBus, Guide, Leave, SetupError, in_words};
 
@@ -94,6 +95,8 @@ impl<C: Clock> Guide<'_, C> {
         if !self.are_switched_off_and_on() {
             return Ok(false);
         }
+        let lost = self.who_lost_supply()?;
+        self.see_as_stored(&lost)?;
         let bus = self.scanned()?;
         for (number, alias) in written {
             let drive = &mut self.record.drives[number];
@@ -131,9 +134,12 @@ impl<C: Clock> Guide<'_, C> {
     /// An alias that nobody has, asked for.
     fn free_alias(&mut self, bus: &AnyBus<C>, number: usize, written: &[(usize, u16)]) -> Result<u16, Leave> {
         let position = self.record.drives[number].position;
+        // One of a hot-connect group isn't there.
+        let places: Vec<BusPlace> = self.plan.devices.iter().map(|one| one.place).collect();
         let is_free = |alias: u16| {
             let mut others = bus.subdevices().iter().filter(|one| one.position != position);
             alias > 0
+                && !places.contains(&BusPlace::Alias(alias))
                 && !others.any(|one| one.claims_alias(alias))
                 && written.iter().all(|(_, other)| *other != alias)
         };

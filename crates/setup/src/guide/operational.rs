@@ -29,9 +29,14 @@ use crate::record::FoundDrive;
 const ERROR_CODE: ObjectAddress = ObjectAddress::new(0x603F, 0);
 const ASKING_CYCLES: u32 = 500;
 const MODE: ObjectAddress = ObjectAddress::new(0x6060, 0);
+const SPEED_OFFSET: ObjectAddress = ObjectAddress::new(0x60B1, 0);
 const MODE_SHOWN: ObjectAddress = ObjectAddress::new(0x6061, 0);
-/// What a jog tells, or leaves at nothing: control word, mode, max torque; targets, and what is added to them.
-const TOLD: [u16; 10] = [0x6040, 0x6060, MAX_TORQUE, 0x60FF, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1];
+/// Commands of CiA 402, which are nothing unless a jog gives them: control word; targets, and what is added to them.
+const COMMANDS: [u16; 9] = [CONTROL_WORD, 0x6042, 0x60FF, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1];
+const CONTROL_WORD: u16 = 0x6040;
+/// How long a drive has to show its mode, cycles; and how many lie between two looks.
+const MODE_CYCLES: u32 = 1000;
+const LOOK_CYCLES: u32 = 10;
 
 /// What objects of drives hold, by the drive's position.
 type Values = BTreeMap<(u16, ObjectAddress), Vec<u8>>;
@@ -81,9 +86,16 @@ impl<C: Clock> Operational<C> {
         if let Some(mode) = &map.mode {
             self.image.outputs[mode.start] = code;
         }
-        let shown = self.ask(position, MODE_SHOWN)?;
+        let (mut shown, mut cycles) = (None, 0);
+        while shown.as_deref() != Some(&[code][..]) && cycles < MODE_CYCLES {
+            for _ in 0..LOOK_CYCLES {
+                self.paced.exchange(&mut self.image)?;
+            }
+            cycles += LOOK_CYCLES;
+            shown = self.ask(position, MODE_SHOWN)?;
+        }
         self.image.outputs.copy_from_slice(&self.rest);
-        if shown.as_deref() == Some(&[code]) {
+        if shown.as_deref() == Some(&[code][..]) {
             return Ok(Ok(()));
         }
         let shown = shown.map_or("nothing".to_owned(), |bytes| super::reading::number(&bytes));
@@ -136,9 +148,9 @@ impl<C: Clock> Guide<'_, C> {
         let maps = drives.iter().map(|drive| DriveMap::of(found(drive), bus.plan()));
         let maps = maps.collect::<Result<Vec<_>, _>>().map_err(|error| in_words(&error))?;
         let mut image = bus.plan().image();
-        for drive in drives {
-            for (entry, bit) in mapped(found(drive), bus.plan(), Direction::Outputs) {
-                if let Some(was) = as_they_were.get(&(drive.position, entry.object)) {
+        for one in &subdevices {
+            for (entry, bit) in mapped(one, bus.plan(), Direction::Outputs) {
+                if let Some(was) = as_they_were.get(&(one.position, entry.object)) {
                     put_bits(&mut image.outputs, bit, entry.bit_length, was);
                 }
             }
@@ -154,7 +166,7 @@ impl<C: Clock> Guide<'_, C> {
         Ok(Operational { paced, image, maps, rest })
     }
 
-    /// Each drive with the map that it has by itself, or, where that is none for a jog, with the file's.
+    /// Each drive with the map that it has by itself, or, where that won't do for a jog, with the file's.
     fn configure(&mut self, bus: &mut AnyBus<C>, bus_plan: &BusPlan) -> Result<(), SetupError> {
         let limit = SdoWrite {
             object: ObjectAddress::new(MAX_TORQUE, 0),
@@ -164,22 +176,24 @@ impl<C: Clock> Guide<'_, C> {
             read_back: ReadBack::Compare,
             origin: Some("nothing else would hold the drive to a low torque while it is jogged".into()),
         };
-        let mode = SdoWrite {
-            object: MODE,
-            data: vec![JOGGED_IN.code() as u8],
+        // Who maps it is told in each cycle.
+        let tolerated = |object, data| SdoWrite {
+            object,
+            data,
             access: SdoAccess::Entry,
-            // Who maps it is told in each cycle.
             refusal: Refusal::IsTolerated,
             read_back: ReadBack::Skip,
             origin: None,
         };
+        let mode = tolerated(MODE, vec![JOGGED_IN.code() as u8]);
+        let offset = tolerated(SPEED_OFFSET, vec![0; 4]);
         let drive_at = |position| self.record.drives.iter().find(|drive| drive.position == position);
         let at_start = |found: &SubDevice| match drive_at(found.position) {
             None => AtStart::of_device(&self.plan, bus_plan, found),
             Some(drive) => {
                 let AtStart { mut config, maps } =
                     AtStart::of_drive(&self.plan, bus_plan, drive).of_known(&drive.was);
-                config.sdos = [vec![limit.clone(), mode.clone()], config.sdos].concat();
+                config.sdos = [vec![limit.clone(), mode.clone(), offset.clone()], config.sdos].concat();
                 AtStart { config, maps }
             }
         };
@@ -187,11 +201,14 @@ impl<C: Clock> Guide<'_, C> {
             bus.subdevices().iter().map(at_start).map(|AtStart { config, maps }| (config, maps)).unzip();
         bus.configure(&configs).map_err(|error| in_words(&error))?;
         let mut given = Vec::new();
-        for drive in &self.record.drives {
-            let at = usize::from(drive.position);
-            if !can_be_jogged(&objects(&bus.subdevices()[at])) && can_be_jogged(&wished_objects(&maps[at])) {
+        for position in self.record.drives.iter().map(|drive| drive.position) {
+            let at = usize::from(position);
+            let own = objects(&bus.subdevices()[at]);
+            let shows_its_mode = own[1].contains(&(MODE_SHOWN, 8));
+            let will_do = can_be_jogged(&own) && shows_its_mode && kept(bus, position).is_ok();
+            if !will_do && can_be_jogged(&wished_objects(&maps[at])) {
                 configs[at].pdos.clone_from(&maps[at]);
-                given.push(drive.position);
+                given.push(position);
             }
         }
         if given.is_empty() {
@@ -201,7 +218,7 @@ impl<C: Clock> Guide<'_, C> {
         for position in given {
             let text = format!(
                 "SubDevice {position}: its own map isn't one for a jog, so it has the file's, as every start of the robot writes it, until it \
-                 loses its supply"
+                 loses its supply, or for good where it is told to store"
             );
             if !self.record.log.contains(&text) {
                 self.hand.tell(&text);
@@ -237,21 +254,29 @@ impl<C: Clock> Guide<'_, C> {
         Ok(())
     }
 
-    /// What drives hold that they map beside what a jog needs: each frame tells all of it.
+    /// What drives hold that they map beside what a jog tells: each frame tells all of it. A drive that turns no wheel keeps its mode
+    /// and torque, too.
     fn as_they_were(&self, bus: &mut AnyBus<C>) -> Result<Values, SetupError> {
         let mut values = Values::new();
-        for position in self.record.drives.iter().map(|drive| drive.position) {
-            let [outputs, _] = objects(&bus.subdevices()[usize::from(position)]);
-            for (object, bits) in outputs.into_iter().filter(|(object, _)| !TOLD.contains(&object.index)) {
-                let was = bus.sdo_read(position, object, SdoAccess::Entry);
-                let is_whole = |bytes: &Vec<u8>| 8 * bytes.len() >= usize::from(bits);
-                let Some(was) = was.ok().filter(is_whole) else {
-                    return Err(SetupError::Bus(format!(
+        for position in 0..bus.subdevices().len() as u16 {
+            if self.record.drives.iter().any(|drive| drive.position == position) {
+                let kept = kept(bus, position).map_err(|object| {
+                    SetupError::Bus(format!(
                         "SubDevice {position}: its map has {object}, and what stands there can't be read, so a jog would write 0 over it: give \
                          its drive in the robot's file `outputs` without it, or jog it by its maker's tool"
-                    )));
-                };
-                values.insert((position, object), was);
+                    ))
+                })?;
+                values.extend(kept.into_iter().map(|(object, was)| ((position, object), was)));
+                continue;
+            }
+            let [outputs, _] = objects(&bus.subdevices()[usize::from(position)]);
+            if !outputs.iter().any(|(object, _)| in_first_axis(*object) == CONTROL_WORD) {
+                continue;
+            }
+            for (object, _) in outputs.into_iter().filter(|(object, _)| !is_command(*object)) {
+                if let Ok(was) = bus.sdo_read(position, object, SdoAccess::Entry) {
+                    values.insert((position, object), was);
+                }
             }
         }
         Ok(values)
@@ -287,4 +312,35 @@ fn wished_objects(maps: &[SyncManagerPdos]) -> Objects {
             maps.iter().filter(|manager| manager.direction == direction).flat_map(|manager| &manager.pdos);
         pdos.flat_map(|pdo| pdo.entries.iter().flatten()).copied().collect()
     })
+}
+
+/// What a drive holds that it maps beside what a jog tells; an error is the object that can't be read.
+fn kept<C: Clock>(
+    bus: &mut AnyBus<C>,
+    position: u16,
+) -> Result<Vec<(ObjectAddress, Vec<u8>)>, ObjectAddress> {
+    let [outputs, _] = objects(&bus.subdevices()[usize::from(position)]);
+    let is_kept =
+        |object: ObjectAddress| !is_command(object) && ![MODE.index, MAX_TORQUE].contains(&object.index);
+    let mut kept = Vec::new();
+    for (object, bits) in outputs.into_iter().filter(|(object, _)| is_kept(*object)) {
+        let was = bus.sdo_read(position, object, SdoAccess::Entry).map_err(|_| object)?;
+        if 8 * was.len() < usize::from(bits) {
+            return Err(object);
+        }
+        kept.push((object, was));
+    }
+    Ok(kept)
+}
+
+fn is_command(object: ObjectAddress) -> bool {
+    COMMANDS.contains(&in_first_axis(object))
+}
+
+/// The index that an object has in the first axis: those of others lie 0x800 apart (CiA 402, multi-axis).
+fn in_first_axis(object: ObjectAddress) -> u16 {
+    match object.index {
+        index @ 0x6000..=0x9FFF => 0x6000 + (index - 0x6000) % 0x800,
+        index => index,
+    }
 }

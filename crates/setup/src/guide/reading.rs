@@ -14,7 +14,7 @@ use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE, STORE};
 use super::before::{recall, see_again};
 use super::{AnyBus, Guide, SetupError, in_words, is_it, is_product, seen, who};
-use crate::record::{FoundDevice, FoundDrive, Record, Step};
+use crate::record::{FoundDrive, Record, Step};
 
 /// The profile of drives in 0x1000.
 const DRIVES: u32 = 402;
@@ -73,16 +73,6 @@ impl<C: Clock> Guide<'_, C> {
         for drive in &mut drives {
             recall(&self.record.jogged, drive).into_iter().for_each(|text| self.tell_found(text));
         }
-        let is_drive = |position: u16| drives.iter().any(|drive| drive.position == position);
-        let others = bus.subdevices().iter().filter(|one| !is_drive(one.position));
-        self.record.others = others
-            .map(|one| FoundDevice {
-                position: one.position,
-                vendor_id: one.identity.vendor_id,
-                product_code: one.identity.product_code,
-            })
-            .collect();
-        let wheels = self.plan.drives.len();
         for drive in &drives {
             let rated = drive.rated_torque_nm.map_or("not told".to_owned(), |torque| format!("{torque} N·m"));
             let counts = drive.told_counts.map_or("not told".to_owned(), |counts| counts.to_string());
@@ -130,16 +120,15 @@ impl<C: Clock> Guide<'_, C> {
                 self.record.found(text);
             }
         }
-        if drives.len() < wheels {
-            let error = SetupError::TooFewDrives { wheels, drives: drives.len() };
+        if let Err(error) = self.are_enough(drives.len()) {
             // What a jog left in those that are there is put back all the same.
             if !self.record.jogged.is_empty() {
                 (self.record.drives, self.are_placed) = (drives, true);
             }
             return Err(error);
         }
-        let text =
-            format!("{} drives, and {} SubDevices that are none", drives.len(), self.record.others.len());
+        let others = bus.subdevices().len() - drives.len();
+        let text = format!("{} drives, and {others} SubDevices that are none", drives.len());
         self.hand.tell(&text);
         self.record.note(text);
         self.record.drives = drives;
@@ -200,7 +189,11 @@ impl<C: Clock> Guide<'_, C> {
         let alike: Vec<String> = drives
             .iter()
             .filter(jogged)
-            .filter(|one| drives.iter().any(|other| other.position != one.position && is_it(one, other)))
+            .filter(|one| {
+                let is_alike = drives.iter().any(|other| other.position != one.position && is_it(one, other));
+                // A lift may be in a wheel's place by now.
+                is_alike || self.record.others.iter().any(|other| is_it(one, &other.as_drive()))
+            })
             .map(|one| one.position.to_string())
             .collect();
         if alike.is_empty() {

@@ -5,8 +5,10 @@ use omnibase_ethercat::wire::{Clock, register};
 use omnibase_ethercat::{Bus, BusOptions};
 
 use super::jogging::Motion;
-use super::{Guide, Leave, SetupError};
+use super::reading::held;
+use super::{Guide, Leave, SetupError, has_its_numbers};
 use crate::jog::JogEnd;
+use crate::record::{Record, Step};
 
 /// How long a drive is enabled while somebody goes to press it, s.
 const PRESSED_WITHIN_S: f64 = 30.0;
@@ -28,6 +30,9 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn stop_all(&mut self) -> Result<bool, SetupError> {
         for number in 0..self.record.drives.len() {
             let Some(wheel) = self.record.drives[number].wheel.clone() else { continue };
+            if !self.record.is_due(Step::SafeTorqueOff, &wheel) {
+                continue;
+            }
             loop {
                 let tried = self.stop(number, &wheel)?;
                 match &tried {
@@ -35,6 +40,7 @@ impl<C: Clock> Guide<'_, C> {
                     Tried::Stopped(words) => {
                         self.record.note(format!("{wheel}: the emergency stop took its torque: {words}"));
                         self.record.drives[number].is_stopped = Some(true);
+                        self.record.make_good(Step::SafeTorqueOff, Some(&wheel));
                         break;
                     }
                     Tried::Failed(words) => self.tell_found(format!("{wheel}: {words}")),
@@ -47,9 +53,12 @@ impl<C: Clock> Guide<'_, C> {
                 match self.choose(format!("stop {number}"), text, &choices) {
                     Ok(choice) if choice == "go on" => {
                         self.record.drives[number].is_stopped = Some(false);
-                        if let Tried::Untried(words) = tried {
-                            self.record.found(format!("{wheel}: the emergency stop wasn't tried: {words}"));
-                        }
+                        let why = match tried {
+                            Tried::Untried(words) => format!("the emergency stop wasn't tried: {words}"),
+                            _ => "gone on without an emergency stop that was seen to take its torque"
+                                .to_owned(),
+                        };
+                        self.record.pass_over(Step::SafeTorqueOff, Some(&wheel), format!("{wheel}: {why}"));
                         break;
                     }
                     Ok(_) => {}
@@ -90,8 +99,10 @@ impl<C: Clock> Guide<'_, C> {
         }
         let end = jog.end.to_string();
         let position = self.record.drives[number].position;
+        let lost = if jog.end == JogEnd::Lost { self.who_lost_supply()? } else { Vec::new() };
+        self.see_as_stored(&lost)?;
         Ok(match (jog.end, is_pressed) {
-            (JogEnd::Lost, Some(true)) if self.has_lost_supply(position)? => {
+            (JogEnd::Lost, Some(true)) if lost.contains(&position) => {
                 Tried::Stopped("its drive lost its supply".to_owned())
             }
             (JogEnd::Lost, Some(true)) => Tried::Failed(format!(
@@ -110,12 +121,31 @@ impl<C: Clock> Guide<'_, C> {
         })
     }
 
-    /// Whether a drive's chip forgot the address that the last scan gave it: its supply was gone. Who was merely cut off has it still,
+    /// Drives whose chip forgot the address that the last scan gave it: their supply was gone. Who was merely cut off has it still,
     /// and lost its torque by the end of the jog or by its watchdog.
-    fn has_lost_supply(&mut self, position: u16) -> Result<bool, SetupError> {
+    pub(super) fn who_lost_supply(&mut self) -> Result<Vec<u16>, SetupError> {
         let (link, clock) = (self.open)().map_err(SetupError::Open)?;
         let mut bus = Bus::new(link, clock, BusOptions::default());
-        let address = Access::read_at("the station address", position, register::STATION_ADDRESS, 2);
-        Ok(bus.transactor().perform_one(address).is_ok_and(|read| read.data == [0, 0]))
+        let has_lost = |position: &u16| {
+            let address = Access::read_at("the station address", *position, register::STATION_ADDRESS, 2);
+            bus.transactor().perform_one(address).is_ok_and(|read| read.data == [0, 0])
+        };
+        Ok(self.record.drives.iter().map(|drive| drive.position).filter(has_lost).collect())
+    }
+
+    /// Drives that lost their supply hold what is stored in them: nothing of a jog, and nothing of what they held before it.
+    pub(super) fn see_as_stored(&mut self, lost: &[u16]) -> Result<(), SetupError> {
+        if lost.is_empty() {
+            return Ok(());
+        }
+        let mut bus = self.bus()?;
+        self.are_those_found(&bus)?;
+        let Record { drives, jogged, .. } = &mut self.record;
+        for drive in drives.iter_mut().filter(|drive| lost.contains(&drive.position)) {
+            drive.was = held(&mut bus, &self.plan, drive);
+            jogged.retain(|one| one.position != drive.position || !has_its_numbers(one, drive));
+        }
+        self.kept();
+        Ok(())
     }
 }

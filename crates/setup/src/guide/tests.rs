@@ -11,9 +11,12 @@ use omnibase_ethercat_sim::VirtualClock;
 
 use super::*;
 
+mod apart;
 mod left;
 mod maps;
 mod motions;
+mod passed;
+mod supply;
 mod written;
 
 const BASE: &str = include_str!("../../../../robots/bmm.toml");

@@ -10,6 +10,8 @@ use omnibase_ethercat::subdevice::{Direction, MappedObject, MappedPdo, SubDevice
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::sii;
 
+/// What a wheel is told, by speed or torque, and bits.
+const TARGETS: [(u16, u8); 2] = [(0x60FF, 32), (0x6071, 16)];
 /// Device type (0x1000) of drives: the profile's number in its lower half.
 const DRIVES: u32 = 402;
 const CONTROL_WORD: u16 = 0x6040;
@@ -283,6 +285,11 @@ fn drive(bus: &mut AnyBus, one: &SubDevice, maps: &[Vec<MappedPdo>; 2], table: &
                 "{TO_FILL}: put {object:04X}:{bits} ({what}) into `{key}`: its map lacks it."
             ));
         }
+    }
+    if TARGETS.iter().all(|(object, bits)| !is_mapped(&maps[0], *object, *bits)) {
+        table.comment(&format!(
+            "{TO_FILL}: put 60FF:32 (target velocity), or 6071:16 (target torque) for a law of torque, into `outputs`: its map lacks both."
+        ));
     }
     if one.dc.is_none() {
         table.comment("WARNING: it has no distributed clock: `bus.synchronisation` by SYNC0 isn't for it.");

@@ -78,8 +78,12 @@ impl Page {
             rolls: wheel.rolling_direction,
             radius_m: wheel.radius_m,
         });
-        let steps =
-            Step::ALL.map(|step| StepShown { words: step.words().to_owned(), is_done: false, is_now: false });
+        let steps = Step::ALL.map(|step| StepShown {
+            words: step.words().to_owned(),
+            is_done: false,
+            is_passed_over: false,
+            is_now: false,
+        });
         let shown = SetupShown {
             robot: plan.name.clone(),
             steps: steps.to_vec(),
@@ -175,6 +179,15 @@ impl Hand for Page {
         for (shown, one) in self.shown.steps.iter_mut().zip(Step::ALL) {
             shown.is_done |= one < step || one == step && was_done;
             shown.is_now = one == step && !was_done;
+            // What of it is passed over again is said once it is over.
+            shown.is_passed_over &= one != step;
+        }
+        self.show();
+    }
+
+    fn passed_over(&mut self, step: Step) {
+        for (shown, one) in self.shown.steps.iter_mut().zip(Step::ALL) {
+            shown.is_passed_over |= one == step;
         }
         self.show();
     }

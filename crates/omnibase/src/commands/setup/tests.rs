@@ -127,3 +127,19 @@ fn what_a_jog_left_is_known_with_its_robot_when_a_set_up_is_begun_anew() {
     let expected = Record { done: Vec::new(), ..before.clone() };
     assert_eq!(anew(before), expected);
 }
+
+/// What somebody went on without isn't called done in the record for people.
+#[test]
+fn what_was_passed_over_is_not_called_done() {
+    let mut record = Record { done: Step::ALL.to_vec(), ..Record::default() };
+    assert!(!in_words(&record).contains("PASSED OVER"));
+    record.pass_over(Step::SafeTorqueOff, Some("wheel_2"), "wheel_2: not tried");
+    record.pass_over(Step::FirstMetre, None, "not driven");
+    let words = in_words(&record);
+    let done = words.lines().find(|line| line.starts_with("Done: ")).unwrap();
+    assert!(done.contains("brakes; parameters; the robot's file; calibration by a tape."), "{done}");
+    let passed_over =
+        "PASSED OVER, and offered again by the same command: emergency stop of wheel_2; the first metre.";
+    assert!(words.lines().any(|line| line == passed_over), "{words}");
+    assert!(words.contains("- wheel_2: not tried\n"), "{words}");
+}

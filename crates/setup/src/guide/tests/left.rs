@@ -374,3 +374,72 @@ fn what_the_makers_tool_set_is_a_drives_own_once_somebody_says_so() {
     });
     assert_eq!(max_torques(&link, &clock), [1900, 2000, 2100]);
 }
+
+/// Cheap drives have one serial number, all of them: each keeps what it held, and gets that of none of the others.
+#[test]
+fn drives_with_one_serial_number_keep_what_each_held() {
+    for aliases in [[0, 0, 0], [1, 2, 3]] {
+        let table = |alias: u16| match alias {
+            0 => "[[subdevice]]\nkind = \"servo\"\nserial = 7\n".to_owned(),
+            alias => format!("[[subdevice]]\nkind = \"servo\"\nserial = 7\nalias = {alias}\n"),
+        };
+        let segment = omnibase_ethercat_sim::SegmentFile::parse(&aliases.map(table).concat()).unwrap();
+        let (link, clock) =
+            omnibase_ethercat_sim::in_process(segment.build(std::path::Path::new(".")).unwrap());
+        let link = Powered(Rc::new(RefCell::new(link)));
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            Ok((Box::new(link.clone()), clock.clone()))
+        };
+        let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+        let as_found = [3000_u16, 2500, 2500];
+        for (position, value) in (0..).zip(as_found) {
+            by_tool(&link, &clock).sdo_write(position, torque, &value.to_le_bytes()).unwrap();
+        }
+        let mut record = Record::default();
+        with_found(BASE, &mut open, &mut Nobody, |guide| {
+            guide.operational().unwrap();
+            guide.record.done = vec![Step::Find];
+            record = guide.record.clone();
+        });
+        let left = max_torques(&link, &clock);
+        assert!(left.iter().zip(as_found).all(|(left, was)| *left != was), "{left:?}");
+        assert_eq!(record.jogged.len(), 3);
+        assert!(record.jogged.iter().all(|one| one.has_twins));
+        // Begun anew, and left at the first question after that for the robot.
+        let anew = Record { jogged: record.jogged.clone(), robot: record.robot.clone(), ..Record::default() };
+        with_record(BASE, anew, &mut open, &mut Says("same"), |guide| {
+            assert!(matches!(guide.run(), Ok(Ended::Left(_))));
+            assert_eq!(guide.record.jogged.is_empty(), aliases[0] != 0, "{:?}", guide.record.findings);
+        });
+        let expected = if aliases[0] == 0 { left } else { as_found.to_vec() };
+        assert_eq!(max_torques(&link, &clock), expected, "{aliases:?}");
+        // It is asked whether this is that robot.
+        let anew = Record { jogged: record.jogged.clone(), ..Record::default() };
+        with_record(BASE, anew, &mut open, &mut Says("another"), |guide| {
+            assert!(matches!(guide.run(), Err(SetupError::OtherJogged)));
+        });
+        // Taken up where it was left, each in its place.
+        with_record(BASE, record.clone(), &mut open, &mut Says("as before"), |guide| {
+            guide.compare().unwrap();
+            assert!(guide.are_in_their_places().unwrap());
+            guide.leave_as_found();
+            assert_eq!(guide.record.jogged, []);
+        });
+        assert_eq!(max_torques(&link, &clock), as_found, "{aliases:?}");
+    }
+    // One alone has its number for itself, until another came that has it, too.
+    let drive = |position, value: u8| FoundDrive {
+        position,
+        serial: 7,
+        was: vec![(1, 0, vec![value])],
+        ..FoundDrive::default()
+    };
+    let mut record = Record { drives: vec![drive(0, 1)], ..Record::default() };
+    assert!(before::remember(&mut record) && !record.jogged[0].has_twins);
+    record.drives = vec![drive(0, 1), drive(1, 2)];
+    assert!(before::remember(&mut record) && record.jogged.len() == 2 && record.jogged[1].has_twins);
+    // The one that is left isn't taken for both.
+    record.drives = vec![drive(0, 3)];
+    assert!(before::remember(&mut record));
+    assert_eq!(record.jogged.len(), 3);
+}

@@ -87,37 +87,59 @@ fn jogged<L: Link + Clone + 'static>(base: &str, link: &L, clock: &VirtualClock)
     ended
 }
 
-/// What else a drive maps stands in each frame as it was: a quick stop's deceleration of 0 would be none.
+/// What an object of a drive holds.
+fn held(bus: &mut Bus<Powered, VirtualClock>, position: u16, index: u16) -> u32 {
+    let bytes = bus.sdo_read(position, ObjectAddress::new(index, 0), SdoAccess::Entry).unwrap();
+    bytes.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte))
+}
+
+/// What else a drive maps stands in each frame as it was: a quick stop's deceleration of 0 would be none. What are commands, of another
+/// axis too, is nothing, whoever gave them last.
 #[test]
-fn what_else_a_drive_maps_is_as_it_was_behind_a_jog() {
-    const MORE: [(u16, u32); 3] = [(0x6085, 33_377_208), (0x6084, 66_754_416), (0x60E0, 1500)];
-    let entry = |(index, bits): (u16, u8)| {
+fn what_else_a_drive_maps_is_as_it_was_behind_a_jog_and_commands_are_nothing() {
+    const KEPT: [(u16, u8, u32); 4] =
+        [(0x6085, 32, 33_377_208), (0x6084, 32, 66_754_416), (0x60E0, 16, 1500), (0x6885, 32, 77)];
+    const COMMANDS: [(u16, u8, u32); 3] = [(0x60B1, 32, 9_999), (0x6840, 16, 15), (0x68FF, 32, 100_000)];
+    let all = [&KEPT[..], &COMMANDS[..]].concat();
+    let entry = |(index, bits, _): &(u16, u8, u32)| {
         format!("<Entry><Index>#x{index:04X}</Index><SubIndex>0</SubIndex><BitLen>{bits}</BitLen></Entry>")
     };
-    let more: String = [(0x6085, 32), (0x6084, 32), (0x60E0, 16), (0x60B1, 32)].map(entry).concat();
+    let more: String = all.iter().map(entry).collect();
     let (link, clock) = made(&[(TARGET_TORQUE, &format!("{TARGET_TORQUE}{more}"))]);
     let mut bus = by_tool(&link, &clock);
-    for (index, value) in MORE {
+    for (index, bits, value) in &all {
         for position in 0..3 {
-            let bytes = &value.to_le_bytes()[..if index == 0x60E0 { 2 } else { 4 }];
-            bus.sdo_write(position, ObjectAddress::new(index, 0), bytes).unwrap();
+            let bytes = &value.to_le_bytes()[..usize::from(bits / 8)];
+            bus.sdo_write(position, ObjectAddress::new(*index, 0), bytes).unwrap();
         }
     }
-    // What is added to a speed is a command, of whoever gave it last.
-    let offset = ObjectAddress::new(0x60B1, 0);
-    bus.sdo_write(1, offset, &9_999_i32.to_le_bytes()).unwrap();
     drop(bus);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     // Its own map will do, so it stays.
-    assert_eq!(jogged(&base("sync0", true), &link, &clock), Ok(JogEnd::LetGo));
+    with_found(&base("sync0", true), &mut open, &mut Holds(0), |guide| {
+        assert_eq!(guide.jog(1, jogging::Motion::Turns, "hold the key").unwrap().end, JogEnd::LetGo);
+    });
     let mut bus = by_tool(&link, &clock);
-    for (index, value) in MORE {
-        for position in 0..3 {
-            let bytes = bus.sdo_read(position, ObjectAddress::new(index, 0), SdoAccess::Entry).unwrap();
-            let found = bytes.iter().rev().fold(0, |word, byte| word << 8 | u32::from(*byte));
-            assert_eq!(found, value, "{index:04x} of {position}");
+    for position in 0..3 {
+        for (index, _, value) in KEPT {
+            assert_eq!(held(&mut bus, position, index), value, "{index:04x} of {position}");
+        }
+        for (index, ..) in COMMANDS {
+            assert_eq!(held(&mut bus, position, index), 0, "{index:04x} of {position}");
         }
     }
-    assert_eq!(bus.sdo_read(1, offset, SdoAccess::Entry).unwrap(), [0; 4]);
+}
+
+/// It would turn faster than was told, or the other way, as if its encoder counted against its motor.
+#[test]
+fn what_is_added_to_a_speed_and_is_not_mapped_is_nothing_in_a_jog_and_put_back() {
+    let (link, clock) = made(&[]);
+    let mut bus = by_tool(&link, &clock);
+    bus.sdo_write(1, ObjectAddress::new(0x60B1, 0), &100_000_i32.to_le_bytes()).unwrap();
+    drop(bus);
+    assert_eq!(jogged(&base("sync0", true), &link, &clock), Ok(JogEnd::LetGo));
+    assert_eq!(held(&mut by_tool(&link, &clock), 1, 0x60B1), 100_000);
 }
 
 /// Most drives are delivered with a map of positions.
@@ -156,12 +178,12 @@ fn a_drive_without_sync0_is_jogged_as_the_file_has_it_synchronised() {
     assert!(refused.contains("0x0030"), "{refused}");
 }
 
-/// In another mode a drive would go where nobody told it.
+/// In another mode a drive would go where nobody told it; and what can't be read would be overwritten.
 #[test]
-fn a_drive_that_has_not_the_mode_of_a_jog_or_does_not_take_it_is_not_enabled() {
-    /// Changes what an answer to an SDO says.
+fn a_drive_that_is_not_as_a_jog_needs_it_has_the_files_map_or_is_not_enabled() {
+    /// Says something else in place of so many answers to an SDO.
     #[derive(Clone)]
-    struct Lying(Powered, &'static [u8], &'static [u8]);
+    struct Lying(Powered, &'static [u8], &'static [u8], Rc<RefCell<u32>>);
     impl Link for Lying {
         fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
             self.0.send(frame)
@@ -169,26 +191,65 @@ fn a_drive_that_has_not_the_mode_of_a_jog_or_does_not_take_it_is_not_enabled() {
 
         fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
             let received = self.0.receive(buffer, deadline)?;
-            let Lying(_, truth, lie) = *self;
-            if let Some(at) = buffer.windows(truth.len()).position(|bytes| bytes == truth) {
-                buffer[at + truth.len()..at + truth.len() + lie.len()].copy_from_slice(lie);
+            let Lying(_, truth, lie, left) = self;
+            if let Some(at) = buffer.windows(truth.len()).position(|bytes| bytes == *truth)
+                && *left.borrow() > 0
+            {
+                buffer[at..at + lie.len()].copy_from_slice(lie);
+                *left.borrow_mut() -= 1;
             }
             Ok(received)
         }
     }
-    let unmapped = [(MODE_SHOWN, "<Entry><Index>#x0</Index><BitLen>16</BitLen></Entry>")];
-    // An upload's answer of so many bytes, and the object.
-    let (supported, shown) = (&[0x43, 0x02, 0x65, 0x00], &[0x4F, 0x61, 0x60, 0x00]);
-    for (others, truth, lie, expected) in [
-        (&unmapped[..], &shown[..], &[9][..], Ok(JogEnd::LetGo)),
-        (&unmapped[..], &shown[..], &[8][..], Err("told mode 9 (csv) and shows 8 (6061:00)")),
+    let unmapped = (MODE_SHOWN, "<Entry><Index>#x0</Index><BitLen>16</BitLen></Entry>");
+    let more = format!(
+        "{TARGET_TORQUE}<Entry><Index>#x6085</Index><SubIndex>0</SubIndex><BitLen>32</BitLen></Entry>"
+    );
+    let more = (TARGET_TORQUE, more.as_str());
+    // An upload's answer of so many bytes, and the object; an abort.
+    const SUPPORTED: &[u8] = &[0x43, 0x02, 0x65, 0x00];
+    const SHOWN: &[u8] = &[0x4F, 0x61, 0x60, 0x00];
+    const DECELERATION: &[u8] = &[0x43, 0x85, 0x60, 0x00];
+    const UNREADABLE: &[u8] = &[0x80, 0x85, 0x60, 0x00, 0x01, 0x00, 0x01, 0x06];
+    let all: [(_, bool, _, &'static [u8], u32, Result<(), &str>); 7] = [
+        (vec![unmapped], false, SHOWN, &[0x4F, 0x61, 0x60, 0x00, 9], u32::MAX, Ok(())),
+        // It takes its time.
+        (vec![unmapped], false, SHOWN, &[0x4F, 0x61, 0x60, 0x00, 0], 5, Ok(())),
+        (
+            vec![unmapped],
+            false,
+            SHOWN,
+            &[0x4F, 0x61, 0x60, 0x00, 8],
+            u32::MAX,
+            Err("told mode 9 (csv) and shows 8 (6061:00)"),
+        ),
+        // The file's map tells it.
+        (vec![unmapped], true, SHOWN, &[0x4F, 0x61, 0x60, 0x00, 8], u32::MAX, Ok(())),
         // All but csv.
-        (&[][..], &supported[..], &[0xAD, 2, 0, 0][..], Err("its drive has no csv (0x6502 = 0x000002ad)")),
-    ] {
-        let (link, clock) = made(others);
-        let ended = jogged(&base("sync0", true), &Lying(link, truth, lie), &clock);
+        (
+            vec![],
+            true,
+            SUPPORTED,
+            &[0x43, 0x02, 0x65, 0x00, 0xAD, 2, 0, 0],
+            u32::MAX,
+            Err("its drive has no csv (0x6502 = 0x000002ad)"),
+        ),
+        (vec![more], true, DECELERATION, UNREADABLE, u32::MAX, Ok(())),
+        (
+            vec![more],
+            false,
+            DECELERATION,
+            UNREADABLE,
+            u32::MAX,
+            Err("its map has 6085:00, and what stands there can't be read"),
+        ),
+    ];
+    for (others, has_map, truth, lie, times, expected) in all {
+        let (link, clock) = made(&others);
+        let lying = Lying(link, truth, lie, Rc::new(RefCell::new(times)));
+        let ended = jogged(&base("sync0", has_map), &lying, &clock);
         match expected {
-            Ok(end) => assert_eq!(ended, Ok(end)),
+            Ok(()) => assert_eq!(ended, Ok(JogEnd::LetGo)),
             Err(words) => assert!(ended.as_ref().is_err_and(|found| found.contains(words)), "{ended:?}"),
         }
     }

@@ -1,0 +1,197 @@
+//! Who of the drives on the bus turns a wheel. Others, the lift of the robot's file for one, are never jogged.
+
+use std::fmt::Write as _;
+
+use omnibase_ethercat::subdevice::SubDevice;
+use omnibase_ethercat::wire::Clock;
+use omnibase_robot::config::{BusPlace, DevicePlan};
+
+use super::{Guide, Leave, SetupError, is_identity, is_product, seen, who};
+use crate::record::{FoundDevice, FoundDrive, Step};
+
+impl<C: Clock> Guide<'_, C> {
+    /// Sets apart who turns no wheel: by the robot's file, and by what somebody says where that can't tell. `false` where he leaves;
+    /// an error where the file's devices aren't where it has them.
+    pub(super) fn set_apart(&mut self) -> Result<bool, SetupError> {
+        let bus = self.scanned()?;
+        let places = places(&self.plan.devices, bus.subdevices()).map_err(SetupError::Devices)?;
+        let places: Vec<(u16, String, String)> =
+            places.into_iter().map(|(at, one)| (at, one.name.clone(), one.kind.clone())).collect();
+        for drive in self.record.drives.clone() {
+            let Some((_, name, kind)) = places.iter().find(|(at, ..)| *at == drive.position) else {
+                continue;
+            };
+            let what = if kind == "axis" { "an axis".to_owned() } else { format!("kind `{kind}`") };
+            self.leave_alone(&drive, &format!("is `{name}` of the file, {what}"));
+        }
+        for drive in self.unclear() {
+            // Nobody else may be left over by now.
+            if !self.unclear().contains(&drive) {
+                continue;
+            }
+            let text = format!(
+                "SubDevice {} ({}, {}): on the bus are {} drives for {} wheels. Does this one turn a wheel? What is no wheel's (a lift, an \
+                 arm) isn't turned here; who doesn't know leaves, and looks where its cables go",
+                drive.position,
+                drive.name,
+                who(&drive),
+                self.record.drives.len(),
+                self.plan.drives.len()
+            );
+            let choices = ["wheel", "no wheel"].map(str::to_owned);
+            match self.choose(format!("role {}", drive.position), text, &choices) {
+                Err(Leave) => return Ok(false),
+                Ok(said) if said == choices[0] => {}
+                Ok(_) => self.leave_alone(&drive, "turns no wheel, as was said"),
+            }
+        }
+        let drives = &self.record.drives;
+        let others =
+            bus.subdevices().iter().filter(|one| drives.iter().all(|drive| drive.position != one.position));
+        let others = others.map(|one| FoundDevice {
+            name: places.iter().find(|(at, ..)| *at == one.position).map(|(_, name, _)| name.clone()),
+            position: one.position,
+            vendor_id: one.identity.vendor_id,
+            product_code: one.identity.product_code,
+            serial: one.identity.serial,
+            alias: one.alias,
+        });
+        self.record.others = others.collect();
+        self.are_enough(self.record.drives.len())?;
+        Ok(true)
+    }
+
+    /// There is a drive for each wheel.
+    pub(super) fn are_enough(&self, drives: usize) -> Result<(), SetupError> {
+        let wheels = self.plan.drives.len();
+        if drives < wheels { Err(SetupError::TooFewDrives { wheels, drives }) } else { Ok(()) }
+    }
+
+    /// A drive that isn't turned here: whatever was seen of it counts no more.
+    fn leave_alone(&mut self, drive: &FoundDrive, why: &str) {
+        let text = format!("SubDevice {} {why}: not turned here", drive.position);
+        self.hand.tell(&text);
+        self.record.note(text);
+        self.record.drives.retain(|one| one.position != drive.position);
+        if let Some(wheel) = &drive.wheel {
+            self.tell_found(format!(
+                "SubDevice {} was seen to turn {wheel}, and {why}: that counts no more",
+                drive.position
+            ));
+            self.record.begin_again();
+            self.record.done.push(Step::Find);
+        }
+    }
+
+    /// Drives of which nobody knows whether they turn a wheel: one of too many, or of another product than wheels have by the file
+    /// where not all are alike.
+    fn unclear(&self) -> Vec<FoundDrive> {
+        let drives = &self.record.drives;
+        if self.has_every_wheel_one() {
+            return Vec::new();
+        }
+        let product = |one: &FoundDrive| (one.vendor_id, one.product_code);
+        let are_many = drives.len() > self.plan.drives.len();
+        let are_mixed = drives.iter().any(|one| product(one) != product(&drives[0]));
+        let is_of_wheel = |one: &FoundDrive| {
+            let mut of_wheels = self.plan.drives.iter().filter(|plan| plan.identity.product_code.is_some());
+            of_wheels.any(|plan| is_product(plan, one))
+        };
+        let is_unclear =
+            |one: &&FoundDrive| one.wheel.is_none() && (are_many || are_mixed && !is_of_wheel(one));
+        drives.iter().filter(is_unclear).cloned().collect()
+    }
+}
+
+/// Where the file's devices are on the bus; in words who isn't there, or is another than the file has.
+fn places<'p>(devices: &'p [DevicePlan], on_bus: &[SubDevice]) -> Result<Vec<(u16, &'p DevicePlan)>, String> {
+    let mut places: Vec<(u16, &DevicePlan)> = Vec::new();
+    let mut problems = Vec::new();
+    let is_absent = |device: &DevicePlan| !on_bus.iter().any(|one| is_at(device, one));
+    for device in devices {
+        let there: Vec<&SubDevice> = on_bus.iter().filter(|one| is_at(device, one)).collect();
+        let mut words = format!("`{}` is at {} in the file", device.name, place(device.place));
+        match there[..] {
+            [] => {
+                // A hot-connect group is there as a whole, or not at all.
+                let mut group = devices.iter().filter(|one| one.group == device.group);
+                if device.group.is_some() && group.all(is_absent) {
+                    continue;
+                }
+                match device.place {
+                    BusPlace::Position(_) => {
+                        let _ =
+                            write!(words, ", the bus has SubDevices 0 to {}", on_bus.len().saturating_sub(1));
+                    }
+                    _ => words += ", and nobody has that",
+                }
+                let pending = on_bus
+                    .iter()
+                    .find(|one| matches!(device.place, BusPlace::Alias(alias) if one.claims_alias(alias)));
+                if let Some(one) = pending {
+                    let _ = write!(words, " before SubDevice {} was switched off and on", one.position);
+                }
+            }
+            [one] if !is_its(device, one) => {
+                let _ = write!(words, " ({}), and there is {}", expected(device), who(&seen(one)));
+            }
+            [one] => match places.iter().find(|(at, _)| *at == one.position) {
+                None => {
+                    places.push((one.position, device));
+                    continue;
+                }
+                Some((_, other)) => {
+                    let _ = write!(words, ", and that is `{}`", other.name);
+                }
+            },
+            _ => {
+                let positions: Vec<String> = there.iter().map(|one| one.position.to_string()).collect();
+                let _ = write!(words, ", and SubDevices {} all have that", positions.join(", "));
+            }
+        }
+        let is_known = device.identity.product_code.is_some();
+        let elsewhere: Vec<String> = on_bus
+            .iter()
+            .filter(|one| is_known && !is_at(device, one) && is_its(device, one))
+            .map(|one| one.position.to_string())
+            .collect();
+        if !elsewhere.is_empty() {
+            let _ = write!(words, "; its product is that of SubDevice {}", elsewhere.join(", "));
+        }
+        problems.push(words);
+    }
+    if problems.is_empty() { Ok(places) } else { Err(problems.join("; ")) }
+}
+
+fn is_at(device: &DevicePlan, one: &SubDevice) -> bool {
+    match device.place {
+        BusPlace::Position(position) => one.position == position,
+        BusPlace::Alias(alias) => one.alias == Some(alias),
+        BusPlace::Identification(number) => one.identification == Some(number),
+    }
+}
+
+fn is_its(device: &DevicePlan, one: &SubDevice) -> bool {
+    let found = &one.identity;
+    is_identity(&device.identity, found.vendor_id, found.product_code)
+        && device.identity.revision.is_none_or(|revision| revision == found.revision)
+}
+
+fn place(place: BusPlace) -> String {
+    match place {
+        BusPlace::Position(position) => format!("position {position}"),
+        BusPlace::Alias(alias) => format!("alias {alias}"),
+        BusPlace::Identification(number) => format!("identification {number}"),
+    }
+}
+
+/// Who must be there.
+fn expected(device: &DevicePlan) -> String {
+    let numbers = [
+        ("vendor", device.identity.vendor_id),
+        ("product", device.identity.product_code),
+        ("revision", device.identity.revision),
+    ];
+    let given = numbers.into_iter().filter_map(|(what, number)| Some(format!("{what} 0x{:08x}", number?)));
+    given.collect::<Vec<_>>().join(" ")
+}

@@ -1,0 +1,78 @@
+//! What a drive holds that lost its supply meanwhile.
+
+use omnibase_ethercat_sim::{Fault, Injector};
+
+use super::*;
+
+/// Holds the key; takes the supply of one drive while it is enabled, or where it is asked for.
+struct Switches<'a> {
+    injector: &'a Injector,
+    cycles: u32,
+}
+
+impl Hand for Switches<'_> {
+    fn ask(&mut self, question: &Question) -> Answer {
+        let said = match question.id.split(' ').next().unwrap() {
+            "name" => "alias",
+            "alias" => "",
+            "power" => {
+                self.injector.inject(0, Fault::PowerOff);
+                self.injector.inject(0, Fault::PowerOn);
+                "done"
+            }
+            "stopped" => "yes",
+            "release" => {
+                self.injector.inject(0, Fault::PowerOn);
+                "done"
+            }
+            other => panic!("{other}"),
+        };
+        Answer::Said(said.to_owned())
+    }
+
+    fn tell(&mut self, _: &str) {}
+
+    fn take_key(&mut self, _: &str) {}
+
+    fn key(&mut self) -> crate::Key {
+        self.cycles += 1;
+        if self.cycles == 600 {
+            self.injector.inject(0, Fault::PowerOff);
+        }
+        crate::Key::Beat
+    }
+}
+
+/// Switched off and on for its alias, or by the emergency stop, a drive holds what is stored in it: that stays, not what it held before.
+#[test]
+fn a_drive_that_lost_its_supply_keeps_what_is_stored_in_it() {
+    for is_stop in [false, true] {
+        let tables = "[[subdevice]]\nkind = \"servo\"\n[[subdevice]]\nkind = \"servo\"\nalias = 9\ncount = 1\n\
+                      [[subdevice]]\nkind = \"servo\"\n";
+        let segment = omnibase_ethercat_sim::SegmentFile::parse(tables).unwrap();
+        let mut segment = segment.build(std::path::Path::new(".")).unwrap();
+        let injector = segment.injector();
+        let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+        let link = Powered(Rc::new(RefCell::new(link)));
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            Ok((Box::new(link.clone()), clock.clone()))
+        };
+        let stored = max_torques(&link, &clock)[0];
+        let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+        for position in 0..3 {
+            by_tool(&link, &clock).sdo_write(position, torque, &1100_u16.to_le_bytes()).unwrap();
+        }
+        let mut hand = Switches { injector: &injector, cycles: 0 };
+        with_found(BASE, &mut open, &mut hand, |guide| {
+            guide.record.drives[0].wheel = Some("wheel_1".to_owned());
+            guide.operational().unwrap();
+            assert_eq!(guide.who_lost_supply().unwrap(), Vec::<u16>::new());
+            assert!(if is_stop { guide.stop_all() } else { guide.name_all() }.unwrap());
+            assert_eq!(guide.record.drives[0].is_stopped, is_stop.then_some(true));
+            guide.leave_as_found();
+            assert_eq!(guide.record.jogged, []);
+        });
+        assert_ne!(stored, 1100);
+        assert_eq!(max_torques(&link, &clock), [stored, 1100, 1100], "{is_stop}");
+    }
+}
