@@ -240,7 +240,7 @@ fn a_makers_drive_is_found_as_one() {
     assert!(!tables.contains(lacks), "{tables}");
     let text = std::fs::read_to_string(root().join("segments/maker.xml")).unwrap();
     let maker = folder.path("maker.xml");
-    std::fs::write(&maker, text.replace("#x60FF", "#x60C1").replace("#x6071", "#x60B2")).unwrap();
+    std::fs::write(&maker, text.replace("#x60FF", "#x2FF0").replace("#x6071", "#x2FF1")).unwrap();
     let segment = format!("[[subdevice]]\nkind = \"esi\"\nesi = \"{maker}\"\ndevice = \"MU-SERVO\"\n");
     std::fs::write(&path, segment).unwrap();
     let tables = words(&omnibase(&["scan", &format!("sim:{path}"), "--toml"]).stdout);
