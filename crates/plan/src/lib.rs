@@ -16,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 mod ahead;
+mod along;
 pub mod distance;
 pub mod footprint;
 pub mod gaps;
