@@ -7,7 +7,7 @@
 //! - [`gaps`]: places between cells' centres, where a gap hardly takes a disc.
 //! - [`search`]: the shortest way of a disc at any angle; [`ridge`]: one that keeps to the middle, as a choice.
 //! - [`sweep`]: [`Sweep`], whether a whole motion touches anything.
-//! - [`turning`]: the way of a footprint that has to turn to get through.
+//! - `along`: whether a footprint gets along the way of the disc that every heading covers; [`turning`]: its way where it doesn't.
 //! - [`smooth`]: a way without kinks where there is room.
 //! - [`until`]: a search that whoever waits for it can end.
 //! - [`mod@plan`]: [`plan()`] joins them.
@@ -16,6 +16,7 @@
 #![forbid(unsafe_code)]
 
 mod ahead;
+mod along;
 pub mod distance;
 pub mod footprint;
 pub mod gaps;

@@ -2,6 +2,7 @@
 
 use omnibase_platform::{Pose2, wrap_angle_rad};
 
+use crate::along::Along;
 use crate::footprint::Footprint;
 use crate::gaps::Gaps;
 use crate::ridge;
@@ -9,11 +10,14 @@ use crate::search::Search;
 use crate::smooth::{SPACING_M, TIGHTENINGS, divided, shortened, smooth, tightened};
 use crate::space::{Checker, Space};
 use crate::sweep::Sweep;
-use crate::turning::{MOST_TURNING_CELLS, Place, Turning};
+use crate::turning::{Place, Turning};
 use crate::until::Until;
 
+mod error;
 #[cfg(test)]
 mod tests;
+
+pub use error::{End, PlanError};
 
 /// What is planned.
 #[derive(Clone, Copy, Debug)]
@@ -71,91 +75,8 @@ pub enum By {
     Turning,
 }
 
-/// Why there is no plan.
-#[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum PlanError {
-    /// NaN or infinity.
-    #[error("{end}: expected finite numbers, found ({}, {}, {})", pose.x_m, pose.y_m, pose.heading_rad)]
-    NotFinite {
-        /// Which end.
-        end: End,
-        /// The pose.
-        pose: Pose2,
-    },
-    /// The clearance.
-    #[error("clearance: expected 0 m to 10 m, found {found_m} m")]
-    Clearance {
-        /// What was asked, m.
-        found_m: f64,
-    },
-    /// Something is where the robot stands or shall stand.
-    #[error("{end} ({:.3}, {:.3}, {:.3}): the footprint touches what is in the way there", pose.x_m, pose.y_m, pose.heading_rad)]
-    Blocked {
-        /// Which end.
-        end: End,
-        /// The pose.
-        pose: Pose2,
-    },
-    /// Beyond the map.
-    #[error("{end} ({:.3}, {:.3}, {:.3}): the footprint reaches beyond the map, or the fence", pose.x_m, pose.y_m, pose.heading_rad)]
-    Outside {
-        /// Which end.
-        end: End,
-        /// The pose.
-        pose: Pose2,
-    },
-    /// No way is wide enough.
-    #[error(
-        "there is no way: the narrowest place of the widest one is at most {widest_m:.2} m wide, the robot needs {needed_m:.2} m"
-    )]
-    TooNarrow {
-        /// The width, m, to a cell.
-        widest_m: f64,
-        /// What the narrowest side of the footprint needs, m.
-        needed_m: f64,
-    },
-    /// What is in the way closes all around.
-    #[error("there is no way: what is in the way lies all around {end}")]
-    Enclosed {
-        /// Which end.
-        end: End,
-    },
-    /// It would have to turn where it can't.
-    #[error("there is no way: a passage is wide enough, but the robot can't turn so as to get through")]
-    NoTurn,
-    /// Whoever waited ended it.
-    #[error("no way was found in the time that was given for it")]
-    Ended,
-    /// Too many cells.
-    #[error(
-        "there is no way for a disc around the whole robot; to look where it could turn a map may have {MOST_TURNING_CELLS} cells at most, found {found}: larger cells are fewer"
-    )]
-    TooLarge {
-        /// The map's cells.
-        found: usize,
-    },
-}
-
-/// An end of a way.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum End {
-    /// Where it begins.
-    Start,
-    /// Where it leads.
-    Goal,
-}
-
-impl std::fmt::Display for End {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(match self {
-            End::Start => "start",
-            End::Goal => "goal",
-        })
-    }
-}
-
-/// A disc's way may be longer than the way of the disc that each heading covers, before it is worth turning. That is known to half a hundredth.
-const LONGER: f64 = 1.005;
+/// A way may be longer than the way of the disc that each heading covers, before a shorter one is looked for.
+const LONGER: f64 = 1.003;
 /// A footprint whose farthest corner is by no larger part farther than its nearest side is nearly a disc.
 const NEARLY_DISC: f64 = 0.1;
 /// Beside the cells that count the clearance is known by as much more, so that ridges are seen, in cells.
@@ -250,7 +171,7 @@ impl<'a> Planner<'a> {
     fn plan(mut self) -> Result<Plan, PlanError> {
         let is_shortest = self.task.cost == Cost::Shortest;
         if is_shortest && self.checker.is_motion_free_in_cells(&self.ends[0], &self.ends[1]) {
-            return Ok(self.finished(self.ends.to_vec(), By::Straight));
+            return Ok(self.finished(self.ends.to_vec(), By::Straight, f64::INFINITY));
         }
         let space = self.task.space;
         let outer_m = self.task.footprint.outer_radius_m() + self.clearance_m;
@@ -258,48 +179,67 @@ impl<'a> Planner<'a> {
         let [outer, inner] = [outer_m, inner_m].map(|radius_m| radius_m / space.map.cell_m);
         let (clearance, until) =
             (space.sharpened([inner - RIDGE_CELLS, outer + RIDGE_CELLS]), self.task.until);
-        let ends = self.ends.map(|pose| [pose.x_m, pose.y_m]);
-        let gaps = Gaps::new(space, &clearance, outer as f32, outer as f32, &ends);
-        let disc = self.disc_way(&Search::through(space, &gaps, outer_m).until(until));
-        drop(gaps);
-        // How long a way is, is known once it is drawn taut.
-        let disc = disc.map(|way| self.finished(way, By::Disc));
-        let is_nearly_disc = outer_m - inner_m <= NEARLY_DISC * inner_m;
-        let straight_m = self.task.from.distance_m(self.task.to);
-        if let Some(plan) = disc
-            .as_ref()
-            .filter(|plan| !is_shortest || is_nearly_disc || plan.length_m <= LONGER * straight_m)
-        {
-            return Ok(plan.clone());
+        let as_disc = |planner: &mut Self| {
+            let ends = planner.ends.map(|pose| [pose.x_m, pose.y_m]);
+            let gaps = Gaps::new(space, &clearance, outer as f32, outer as f32, &ends);
+            let way = planner.disc_way(&Search::through(space, &gaps, outer_m).until(until))?;
+            // How long a way is, is known once it is drawn taut.
+            Some(planner.finished(way, By::Disc, 0.0))
+        };
+        let turns = is_shortest && outer_m - inner_m > NEARLY_DISC * inner_m;
+        if !turns && let Some(plan) = as_disc(&mut self) {
+            return Ok(plan);
         }
         // No way is shorter than that of the disc which every heading covers.
         let gaps = Gaps::new(space, &clearance, inner as f32, outer.min(inner + RIDGE_CELLS) as f32, &[]);
         let search = Search::through(space, &gaps, inner_m).until(until);
         let least = self.least_way(&search, &Search::new(space, &clearance, inner_m).until(until), inner_m);
-        match disc {
-            Some(plan) if least.as_ref().is_ok_and(|least_m| plan.length_m <= LONGER * least_m) => Ok(plan),
-            disc => {
-                if disc.is_none() {
-                    least?;
+        let mut coarse = self.checker.coarse(self.clearance_m);
+        let mut plans = Vec::new();
+        if turns {
+            let tips = self.tips.iter().zip(&self.ends);
+            let tips: f64 = tips.filter_map(|(tip, end)| tip.map(|tip| tip.distance_m(*end))).sum();
+            let least_m = least.as_ref().map_or(0.0, |way| (length(way) + tips) * space.map.cell_m);
+            let is_enough = |plan: &Plan| plan.length_m <= LONGER * least_m;
+            let mut ways: Vec<(Vec<Pose2>, [Pose2; 2])> = Vec::new();
+            if let Ok(way) = &least {
+                let back = way.iter().rev().copied().collect();
+                ways.extend([(way.clone(), self.ends), (back, [self.ends[1], self.ends[0]])]);
+            }
+            // From the other end, too, where the first is longer.
+            for (number, (way, ends)) in ways.iter().enumerate() {
+                let Some(mut found) = Along::new(way, *ends, &mut coarse, outer).way(until) else { break };
+                if number == 1 {
+                    found.reverse();
                 }
-                let mut coarse = self.checker.coarse(self.clearance_m);
-                let outer = Search::new(space, &clearance, outer_m).until(until);
-                let [from, to] = self.ends;
-                let ways = match Turning::new(space, &mut coarse, outer, search, outer_m) {
-                    Some(mut turning) => turning.shortest(&from, &to),
-                    None if disc.is_none() => {
-                        return Err(PlanError::TooLarge { found: space.clearance().len() });
-                    }
-                    None => Vec::new(),
-                };
-                let turning = ways.iter().map(|places| {
-                    let way = self.turned(places);
-                    self.finished(way, By::Turning)
-                });
-                let plans = turning.chain(disc);
-                plans.min_by(|a, b| a.length_m.total_cmp(&b.length_m)).ok_or(PlanError::NoTurn)
+                plans.push(self.finished(found, By::Turning, least_m));
+                if plans.iter().any(is_enough) {
+                    break;
+                }
+            }
+            if !plans.iter().any(is_enough) {
+                plans.extend(as_disc(&mut self));
+            }
+            if let Some(plan) = plans.iter().find(|plan| is_enough(plan)) {
+                return Ok(plan.clone());
             }
         }
+        if plans.is_empty() {
+            least?;
+        }
+        let outer = Search::new(space, &clearance, outer_m).until(until);
+        let ways = match Turning::new(space, &mut coarse, outer, search, outer_m) {
+            Some(mut turning) => turning.shortest(&self.ends[0], &self.ends[1]),
+            None if plans.is_empty() => {
+                return Err(PlanError::TooLarge { found: space.clearance().len() });
+            }
+            None => Vec::new(),
+        };
+        for places in ways {
+            let way = self.turned(&places);
+            plans.push(self.finished(way, By::Turning, 0.0));
+        }
+        plans.into_iter().min_by(|a, b| a.length_m.total_cmp(&b.length_m)).ok_or(PlanError::NoTurn)
     }
 
     /// The cell from which a disc's way begins or ends.
@@ -361,13 +301,13 @@ impl<'a> Planner<'a> {
         Some(poses)
     }
 
-    /// The length of the way of the disc that every heading covers, m, with what leads to the ends, or why there is none.
+    /// The way of the disc that every heading covers, from end to end in cells, or why there is none.
     fn least_way(
         &self,
         search: &Search<'_>,
         by_centres: &Search<'_>,
         inner_m: f64,
-    ) -> Result<f64, PlanError> {
+    ) -> Result<Vec<Pose2>, PlanError> {
         let map = &self.task.space.map;
         let cells = self.ends.map(|pose| {
             let [x, y] = [pose.x_m, pose.y_m].map(|at| at.max(0.0) as usize);
@@ -382,11 +322,8 @@ impl<'a> Planner<'a> {
                 let [x, y] = search.place(*cell).map(|at| f64::from(at) + 0.5);
                 Pose2::new(x, y, 0.0)
             });
-            let [first, last] = self.tips;
-            let ends = self.ends.map(Some);
-            let begin = [first, ends[0]].into_iter().flatten();
-            let way: Vec<Pose2> = begin.chain(places).chain([ends[1], last].into_iter().flatten()).collect();
-            return Ok(length(&way) * map.cell_m);
+            let [from, to] = self.ends;
+            return Ok([from].into_iter().chain(places).chain([to]).collect());
         }
         // Between centres there may be one cell more.
         let widest_m = (2.0 * f64::from(by_centres.widest(cells[0], cells[1])) + 1.0) * map.cell_m;
@@ -446,24 +383,28 @@ impl<'a> Planner<'a> {
         poses
     }
 
-    /// A way in cells, without what isn't needed of it, bent smooth, in the map's frame.
-    fn finished(&mut self, way: Vec<Pose2>, by: By) -> Plan {
+    /// A way in cells without what isn't needed of it, its turns where it is shorter.
+    fn taut(&mut self, way: &[Pose2]) -> Vec<Pose2> {
+        let spacing = SPACING_M / self.task.space.map.cell_m;
+        let turn_length = self.task.footprint.outer_radius_m() / self.task.space.map.cell_m;
+        let short = shortened(&divided(way, spacing, turn_length), &mut self.checker);
+        let mut tight = shortened(&divided(&short, 2.0 * spacing, turn_length), &mut self.checker);
+        tightened(&mut tight, &mut self.checker, TIGHTENINGS[0]);
+        tight
+    }
+
+    /// A way in cells, without what isn't needed of it, bent smooth, in the map's frame. So many m long it is short enough.
+    fn finished(&mut self, way: Vec<Pose2>, by: By, enough_m: f64) -> Plan {
         let (space, cell_m) = (self.task.space, self.task.space.map.cell_m);
         let turn_length = self.task.footprint.outer_radius_m() / cell_m;
         let way = match self.task.cost {
             Cost::Shortest => {
-                let mut tight = way;
-                // What is left out depends on the end from which it is looked at: from both in turn. A disc leaves out the same.
-                let times = if self.checker.is_nearly_disc() { 1 } else { 2 };
-                for _ in 0..times {
-                    let fine = divided(&tight, SPACING_M / cell_m, turn_length);
-                    let short = shortened(&fine, &mut self.checker);
-                    tight =
-                        shortened(&divided(&short, 2.0 * SPACING_M / cell_m, turn_length), &mut self.checker);
-                    tightened(&mut tight, &mut self.checker, TIGHTENINGS[0]);
-                    if times > 1 {
-                        tight.reverse();
-                    }
+                let mut tight = self.taut(&way);
+                // What is left out depends on the end from which it is looked at. A disc leaves out the same.
+                if !self.checker.is_nearly_disc() && length(&tight) * cell_m > enough_m {
+                    tight.reverse();
+                    tight = self.taut(&tight);
+                    tight.reverse();
                 }
                 // Along an arc pieces half as long are a quarter as much longer than it.
                 let mut tight = divided(&tight, SPACING_M / cell_m, turn_length);
@@ -474,7 +415,10 @@ impl<'a> Planner<'a> {
         };
         let mut points = divided(&way, SPACING_M / cell_m, turn_length);
         smooth(&mut points, &mut self.checker);
-        let [first, last] = self.tips;
+        // It may have turned around by then.
+        let beside =
+            |tip: Option<Pose2>, end: Option<&Pose2>| Some(Pose2 { heading_rad: end?.heading_rad, ..tip? });
+        let [first, last] = [beside(self.tips[0], points.first()), beside(self.tips[1], points.last())];
         let points: Vec<Pose2> = first.into_iter().chain(points).chain(last).collect();
         let map = &space.map;
         let room_m = points.iter().map(|point| space.room(point) * cell_m).collect();

@@ -91,8 +91,9 @@ pub(crate) fn tightened(way: &mut [Pose2], checker: &mut Checker<'_>, rounds: us
                     .map(move |turn_rad| Pose2 { heading_rad: next.heading_rad + turn_rad, ..next })
             };
             let free = [1.0, 0.3, 0.1, 0.03].into_iter().flat_map(turned).find(|next| {
-                checker.is_motion_free_in_cells(&before, next)
-                    && checker.is_motion_free_in_cells(next, &after)
+                checker.is_free_in_cells(next)
+                    && checker.is_free_between_in_cells(&before, next)
+                    && checker.is_free_between_in_cells(next, &after)
             });
             if let Some(next) = free {
                 has_moved[at] = next.distance_m(here) > STILL;
@@ -129,8 +130,9 @@ pub(crate) fn smooth(points: &mut [Pose2], checker: &mut Checker<'_>) {
                 continue;
             }
             let free = [1.0, 0.4].into_iter().map(|part| between(&here, &wished, part)).find(|wished| {
-                checker.is_motion_free_in_cells(&points[at - 1], wished)
-                    && checker.is_motion_free_in_cells(wished, &points[at + 1])
+                checker.is_free_in_cells(wished)
+                    && checker.is_free_between_in_cells(&points[at - 1], wished)
+                    && checker.is_free_between_in_cells(wished, &points[at + 1])
             });
             if let Some(wished) = free {
                 points[at] = wished;

@@ -7,10 +7,13 @@ use omnibase_platform::Pose2;
 
 use crate::Point;
 use crate::distance::{self, Between};
-use crate::footprint::{Footprint, placed};
+use crate::footprint::Footprint;
 use crate::map::{Map, range};
 use crate::smooth::between;
 use crate::tiles::Tiles;
+
+#[cfg(test)]
+mod tests;
 
 /// How far a footprint may reach into a cell that is in the way, in cells: rounding.
 const TOUCH: f64 = 1e-9;
@@ -24,6 +27,8 @@ const NEARLY_DISC: f64 = 0.9;
 
 /// So much farther than it reaches a disc is looked at, in cells: what is seen needn't be looked at again.
 const FARTHER: f64 = 1.0;
+/// Polygons with more corners are looked at side by side.
+const MOST_CORNERS: usize = 16;
 /// Discs that cover an outline together lie apart by this part of its width.
 const APART: f64 = 0.5;
 /// And are so many at most: very long ones are covered by larger discs.
@@ -61,6 +66,8 @@ pub struct Checker<'a> {
     cover_radius: f64,
     /// How far points may move from one look to the next, in cells.
     step: f64,
+    /// Its sides: their directions outwards, and how far out they lie, in cells.
+    sides: Vec<(Point, f64)>,
     rows: Vec<[f64; 2]>,
     /// Poses that were looked at.
     #[cfg(test)]
@@ -145,6 +152,7 @@ impl Space {
         let (cover, cover_radius) = covering(&outline);
         Checker {
             space: self,
+            sides: sides_of(&outline),
             outline,
             reach,
             inner,
@@ -198,15 +206,9 @@ impl<'a> Checker<'a> {
 
     /// The same for an outline whose sides are nearer by so many cells; `None` where there is none.
     pub(crate) fn smaller(&self, by: f64) -> Option<Checker<'a>> {
-        let count = self.outline.len();
-        let normal = |at: usize| {
-            let [from, to] = [at, at + 1].map(|at| self.outline[at % count]);
-            let side = [to[0] - from[0], to[1] - from[1]];
-            let size = side[0].hypot(side[1]);
-            [side[1] / size, -side[0] / size]
-        };
+        let count = self.sides.len();
         let corner = |at: usize| {
-            let [before, after] = [normal(at + count - 1), normal(at)];
+            let [before, after] = [count - 1, 0].map(|beside| self.sides[(at + beside) % count].0);
             let step = by / (1.0 + before[0] * after[0] + before[1] * after[1]);
             [0, 1].map(|axis| self.outline[at][axis] - step * (before[axis] + after[axis]))
         };
@@ -214,7 +216,7 @@ impl<'a> Checker<'a> {
         let reach = outline.iter().map(|corner| corner[0].hypot(corner[1])).fold(0.0, f64::max);
         let inner = self.inner - by;
         // The larger one's discs cover it.
-        (inner > 0.0).then(|| Checker { outline, reach, inner, ..self.clone() })
+        (inner > 0.0).then(|| Checker { sides: sides_of(&outline), outline, reach, inner, ..self.clone() })
     }
 
     /// Whether headings hardly count for it.
@@ -259,20 +261,22 @@ impl<'a> Checker<'a> {
                 return None;
             }
         }
-        let spare = if self.is_nearly_disc { spare } else { self.cover_spare(pose) };
-        if spare >= 0.0 {
-            return Some(spare);
+        let turn = pose.heading_rad.sin_cos();
+        // Where cells are in the way, discs tell most of it.
+        if self.space.has_cells && !self.is_nearly_disc {
+            let spare = self.cover_spare(at, turn);
+            if spare >= if self.space.map.solids.is_empty() { 0.0 } else { FARTHER } {
+                return Some(spare);
+            }
         }
-        self.is_outline_free(pose).then_some(0.0)
+        self.outline_spare(at, turn)
     }
 
     /// How far points may move at least until a disc that covers the outline touches anything, in cells; negative where one may already.
-    fn cover_spare(&self, pose: &Pose2) -> f64 {
-        let (sin, cos) = pose.heading_rad.sin_cos();
+    fn cover_spare(&self, at: Point, turn: (f64, f64)) -> f64 {
         let mut least = f64::INFINITY;
-        for [x, y] in &self.cover {
-            let place = [pose.x_m + cos * x - sin * y, pose.y_m + sin * x + cos * y];
-            let room = self.space.least_clearance(place).unwrap_or(f64::NEG_INFINITY);
+        for middle in &self.cover {
+            let room = self.space.least_clearance(turned(*middle, at, turn)).unwrap_or(f64::NEG_INFINITY);
             least = least.min(room - self.cover_radius);
             if least < 0.0 {
                 break;
@@ -288,46 +292,86 @@ impl<'a> Checker<'a> {
     }
 
     pub(crate) fn is_motion_free_in_cells(&mut self, from: &Pose2, to: &Pose2) -> bool {
-        let turn_rad = to.heading_rad - from.heading_rad;
-        let way = [to.x_m - from.x_m, to.y_m - from.y_m];
-        let length = way[0].hypot(way[1]);
-        let moves = length + self.reach * turn_rad.abs();
-        let mut done = 0.0;
+        // What is in the way is mostly at the end that was wished for, or half way to it.
+        let Some(last) = self.spare(to) else { return false };
+        let Some(first) = self.spare(from) else { return false };
+        let moves = from.distance_m(*to) + self.reach * (to.heading_rad - from.heading_rad).abs();
+        self.is_free_within([from, to], moves, [first, moves - last])
+    }
+
+    /// Whether nothing is in the way of the part of a motion of so many cells of the farthest corner that lies between two places of it.
+    fn is_free_within(&mut self, ends: [&Pose2; 2], moves: f64, [begin, end]: [f64; 2]) -> bool {
         // At each look all is free for as far as the clearance lasts.
-        loop {
-            let part: f64 = if moves > 0.0 { (done / moves).min(1.0) } else { 1.0 };
-            let pose = Pose2 {
-                x_m: from.x_m + part * way[0],
-                y_m: from.y_m + part * way[1],
-                heading_rad: from.heading_rad + part * turn_rad,
-            };
-            let Some(spare) = self.spare(&pose) else { return false };
-            if part >= 1.0 {
-                return true;
-            }
-            // The last look is at the end itself.
-            done = (done + spare.max(self.step)).min(moves);
+        let pieces = ((end - begin) / self.step).ceil();
+        if pieces <= 1.0 {
+            return true;
         }
+        let middle = begin + (end - begin) * (0.5 * pieces).ceil() / pieces;
+        let Some(spare) = self.spare(&between(ends[0], ends[1], middle / moves)) else { return false };
+        self.is_free_within(ends, moves, [begin, middle - spare])
+            && self.is_free_within(ends, moves, [middle + spare, end])
     }
 
     /// The same of a motion whose ends are known to be free: only between them is looked.
     pub(crate) fn is_free_between_in_cells(&mut self, from: &Pose2, to: &Pose2) -> bool {
         let moves = from.distance_m(*to) + self.reach * (to.heading_rad - from.heading_rad).abs();
-        let pieces = (moves / self.step).ceil() as usize;
-        (1..pieces).all(|number| self.is_free_in_cells(&between(from, to, number as f64 / pieces as f64)))
+        self.is_free_within([from, to], moves, [0.0, moves])
     }
 
-    fn is_outline_free(&mut self, pose: &Pose2) -> bool {
-        let (space, corners) = (self.space, placed(&self.outline, pose));
+    /// How far the outline's points may move at least, no farther than [`FARTHER`], until one touches anything; `None` where one does.
+    fn outline_spare(&mut self, at: Point, turn: (f64, f64)) -> Option<f64> {
+        let (space, farthest) = (self.space, self.reach + FARTHER);
+        let near = || {
+            let listed = space.tiles.within(&space.map.solids, at, farthest);
+            listed.filter(|solid| solid.is_within(at, farthest))
+        };
+        let apart = near().fold(FARTHER, |spare, solid| self.apart(solid.corners(), at, turn, spare));
+        let size = [space.map.width as f64, space.map.height as f64];
+        let is_inside = (0..2).all(|axis| at[axis] >= farthest && at[axis] + farthest <= size[axis]);
+        if apart > 0.0 && is_inside && !space.has_cells {
+            return Some(apart);
+        }
+        let corners: Vec<Point> = self.outline.iter().map(|corner| turned(*corner, at, turn)).collect();
         let range = range(&corners);
         let [[left, low], [right, high]] = range;
-        let (width, height) = (space.map.width as f64, space.map.height as f64);
-        if !(left >= -TOUCH && low >= -TOUCH && right <= width + TOUCH && high <= height + TOUCH) {
-            return false;
+        let border = left.min(low).min(size[0] - right).min(size[1] - high);
+        let is_blocked =
+            border < -TOUCH || apart <= 0.0 && near().any(|solid| solid.overlaps(&corners, range));
+        if is_blocked {
+            return None;
         }
-        let mut near = space.tiles.within(&space.map.solids, [pose.x_m, pose.y_m], self.reach);
-        !near.any(|solid| solid.overlaps(&corners, range))
-            && (!space.has_cells || self.is_polygon_free(&corners, range))
+        let spare = apart.min(border).max(0.0);
+        if space.has_cells {
+            let [below, above] = [low - spare, high + spare].map(|y| y.max(0.0));
+            let rows = below as usize..up(above).min(space.map.height);
+            if !space.are_free([(left - spare).max(0.0), right + spare], rows) {
+                return self.is_polygon_free(&corners, range).then_some(0.0);
+            }
+        }
+        Some(spare)
+    }
+
+    /// How far beyond any one of the outline's sides a polygon lies, where that is less than `most`, in cells; 0 where it isn't known.
+    fn apart(&self, polygon: &[Point], at: Point, (sin, cos): (f64, f64), most: f64) -> f64 {
+        let mut apart = 0.0;
+        if polygon.len() > MOST_CORNERS {
+            return apart;
+        }
+        for (normal, far) in &self.sides {
+            let [x, y] = [cos * normal[0] - sin * normal[1], sin * normal[0] + cos * normal[1]];
+            let mut nearest = f64::INFINITY;
+            for corner in polygon {
+                let out = x * (corner[0] - at[0]) + y * (corner[1] - at[1]);
+                nearest = if out < nearest { out } else { nearest };
+            }
+            if nearest - far > apart {
+                apart = nearest - far;
+                if apart >= most {
+                    return most;
+                }
+            }
+        }
+        apart
     }
 
     /// Whether a convex polygon within the map, and within this range, touches no cell that is in the way: a row of cells meets it in one range.
@@ -359,6 +403,23 @@ impl<'a> Checker<'a> {
         let mut rows = self.rows.iter().zip(first..);
         rows.all(|(range, row)| self.space.are_free(*range, row..row + 1))
     }
+}
+
+/// A place of a footprint that stands at another one, turned by an angle of this sine and cosine.
+fn turned([x, y]: Point, at: Point, (sin, cos): (f64, f64)) -> Point {
+    [at[0] + cos * x - sin * y, at[1] + sin * x + cos * y]
+}
+
+/// The sides of a convex outline: their directions outwards, and how far out they lie.
+fn sides_of(outline: &[Point]) -> Vec<(Point, f64)> {
+    let side = |(at, from): (usize, &Point)| {
+        let to = outline[(at + 1) % outline.len()];
+        let way = [to[0] - from[0], to[1] - from[1]];
+        let size = way[0].hypot(way[1]);
+        let normal = [way[1] / size, -way[0] / size];
+        (normal, normal[0] * from[0] + normal[1] * from[1])
+    };
+    outline.iter().enumerate().map(side).collect()
 }
 
 /// Middles of discs in a row along an outline that cover it together, and the radius of all.
@@ -415,28 +476,4 @@ fn clearance_of(blocked: &[bool], width: usize) -> Vec<f32> {
 fn up(value: f64) -> usize {
     let whole = value as usize;
     whole + usize::from((whole as f64) < value)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn discs_cover_an_outline() {
-        let rectangle = |a: f64, b: f64| vec![[-a, -b], [a, -b], [a, b], [-a, b]];
-        let wedge = vec![[-5.0, -3.0], [7.0, -0.5], [7.0, 0.5], [-5.0, 3.0]];
-        for outline in [rectangle(14.0, 5.0), rectangle(5.0, 14.0), rectangle(200.0, 2.0), wedge] {
-            let (cover, radius) = covering(&outline);
-            for (at, from) in outline.iter().enumerate() {
-                let to = outline[(at + 1) % outline.len()];
-                for part in (0..=100).map(|part| f64::from(part) / 100.0) {
-                    let [x, y] = [0, 1].map(|axis| from[axis] + part * (to[axis] - from[axis]));
-                    let off = cover.iter().map(|middle| (middle[0] - x).hypot(middle[1] - y));
-                    assert!(off.fold(f64::INFINITY, f64::min) <= radius + 1e-9, "({x}, {y}) of {outline:?}");
-                }
-            }
-            let width = outline.iter().map(|corner| corner[1].abs().min(corner[0].abs())).fold(0.0, f64::max);
-            assert!(cover.len() == 16 || radius < 1.2 * width, "{radius} around {outline:?}");
-        }
-    }
 }

@@ -46,6 +46,13 @@ impl Solid {
         (0..2).all(|axis| self.low[axis] < high[axis] - TOUCH && self.high[axis] > low[axis] + TOUCH)
     }
 
+    /// Whether the box around it comes nearer to a place than this.
+    pub(crate) fn is_within(&self, [x, y]: Point, reach: f64) -> bool {
+        let off = |axis: usize, at: f64| (self.low[axis] - at).max(at - self.high[axis]).max(0.0);
+        let (across, along) = (off(0, x), off(1, y));
+        across * across + along * along < reach * reach
+    }
+
     /// Whether a place lies inside: a ray from it crosses an odd number of sides.
     fn holds(&self, [x, y]: Point) -> bool {
         let crosses = |Side { from, way, .. }: &&Side| {
@@ -62,9 +69,7 @@ impl Solid {
 
     /// From a place to it, 0 inside, or something that isn't below `enough`.
     pub(crate) fn distance(&self, [x, y]: Point, enough: f64) -> f64 {
-        let off = |axis: usize, at: f64| (self.low[axis] - at).max(at - self.high[axis]).max(0.0);
-        let (across, along) = (off(0, x), off(1, y));
-        if across * across + along * along >= enough * enough {
+        if !self.is_within([x, y], enough) {
             return enough;
         }
         if self.holds([x, y]) {
@@ -77,10 +82,14 @@ impl Solid {
 
 /// The least and the greatest coordinates of corners.
 pub(crate) fn range(corners: &[Point]) -> [Point; 2] {
-    let far = |pick: fn(f64, f64) -> f64, from: f64| {
-        [0, 1].map(|axis| corners.iter().map(|corner| corner[axis]).fold(from, pick))
-    };
-    [far(f64::min, f64::INFINITY), far(f64::max, f64::NEG_INFINITY)]
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    for corner in corners {
+        for axis in 0..2 {
+            low[axis] = low[axis].min(corner[axis]);
+            high[axis] = high[axis].max(corner[axis]);
+        }
+    }
+    [low, high]
 }
 
 impl Side {

@@ -223,12 +223,35 @@ fn an_end_near_a_wall_takes_the_clearance_from_nothing_else() {
 }
 
 #[test]
-fn beside_a_wall_it_turns_only_where_the_whole_disc_fits() {
+fn who_has_turned_around_by_the_end_doesn_t_turn_back_before_a_wall() {
+    // A corridor with three bends to the left, 10 mm before the end of which it stands: nothing turns back in it.
+    let walls = [
+        [0.0, 0.0, 8.0, 0.75],
+        [4.0, 0.75, 8.0, 6.0],
+        [0.0, 3.0, 4.0, 6.0],
+        [0.0, 1.25, 2.0, 3.0],
+        [2.5, 1.25, 3.5, 2.5],
+        [2.0, 1.25, 2.5, 1.75],
+    ];
+    let footprint = Footprint::new(vec![[-0.3, -0.1], [0.3, -0.1], [0.3, 0.1], [-0.3, 0.1]]).unwrap();
+    let down = -std::f64::consts::FRAC_PI_2;
+    let plan = plan(&ask(&room(&walls), &footprint, [[0.6, 1.0, 0.0], [2.25, 2.06, down]])).unwrap();
+    assert_eq!(touched(&plan, &footprint, &walls), None);
+    let last = plan.poses[plan.poses.len() - 1];
+    assert!((last.heading_rad - 3.0 * std::f64::consts::FRAC_PI_2).abs() < 1e-9, "{last:?}");
+    let turn = plan.poses.windows(2).map(|pair| (pair[1].heading_rad - pair[0].heading_rad).abs());
+    assert!(turn.fold(0.0, f64::max) < 1.0);
+}
+
+#[test]
+fn beside_a_wall_it_turns_only_where_its_corners_have_room() {
     let walls = [[0.0, 0.0, 8.0, 1.0]];
     let space = room(&walls);
     let footprint = Footprint::new(vec![[-0.35, -0.25], [0.35, -0.25], [0.35, 0.25], [-0.35, 0.25]]).unwrap();
     let plan = plan(&ask(&space, &footprint, [[4.0, 1.375, 0.0], [4.0, 1.375, 3.1]])).unwrap();
-    assert_eq!((plan.by, touched(&plan, &footprint, &walls)), (By::Disc, None));
+    // Away from the wall and back, by as much as its corners need.
+    assert_eq!(touched(&plan, &footprint, &walls), None);
+    assert!((0.13..0.25).contains(&plan.length_m), "{} m", plan.length_m);
 }
 
 #[test]
