@@ -26,14 +26,14 @@ thread_local! {
     static MINE: Cell<usize> = const { Cell::new(0) };
 }
 
-/// A test's leave to have browsers: as many tests as processors at a time. With more a page hears its robot too late, and what
-/// is asked by it is refused, as it shall be.
+/// A test's leave to have browsers: one test more than there are processors at a time. With many a page hears its robot too
+/// late, and what is asked by it is refused, as it shall be.
 struct Turn;
 
 impl Turn {
     fn take() -> Turn {
         if MINE.replace(MINE.get() + 1) == 0 {
-            let most = std::thread::available_parallelism().map_or(1, usize::from);
+            let most = 1 + std::thread::available_parallelism().map_or(1, usize::from);
             let tests = TESTS.0.lock().unwrap_or_else(PoisonError::into_inner);
             let tests = TESTS.1.wait_while(tests, |tests| *tests >= most);
             *tests.unwrap_or_else(PoisonError::into_inner) += 1;
@@ -174,6 +174,11 @@ impl Browser {
         let place = self.middle(selector);
         self.mouse("mousePressed", place);
         self.mouse("mouseReleased", place);
+    }
+
+    /// Whether pictures are kept.
+    pub fn are_pictures_kept() -> bool {
+        std::env::var_os("OMNIBASE_SCREENSHOTS").is_some()
     }
 
     /// A picture of the window, kept where `OMNIBASE_SCREENSHOTS` names a folder.

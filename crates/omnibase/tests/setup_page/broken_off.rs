@@ -44,7 +44,8 @@ fn half_an_alias_is_made_whole_by_a_button() {
         let bus = || {
             let link = Cut { link: PacketSocket::open(Namespace::NEAR).unwrap(), left: Rc::clone(&left) };
             let mut bus = Bus::new(link, MonotonicClock, BusOptions::default());
-            bus.scan().unwrap();
+            // A busy machine gives the simulator its time late.
+            assert!((0..20).any(|_| bus.scan().is_ok()), "nobody answers");
             bus
         };
         let begins = {
