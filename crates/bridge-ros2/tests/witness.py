@@ -258,6 +258,13 @@ def what_changes_seldom_is_for_those_who_come_later(w):
 
 
 def settings_are_parameters(w):
+    # All at once: they become known to the bridge beside each other.
+    for kind, name in (
+        (ListParameters, "list_parameters"), (DescribeParameters, "describe_parameters"),
+        (GetParameterTypes, "get_parameter_types"), (GetParameters, "get_parameters"),
+        (SetParameters, "set_parameters"), (SetParametersAtomically, "set_parameters_atomically"),
+    ):
+        w.client(kind, f"omnibase/{name}")
     names = w.call(ListParameters, "omnibase/list_parameters").result.names
     assert "speed_factor" in names and "path_name" in names, names
     request = DescribeParameters.Request(names=["speed_factor"])
@@ -330,6 +337,9 @@ def the_pose_is_set_and_measured(w):
 
 
 def services_ask_the_robot(w):
+    for name in ("enable", "load", "emergency_stop", "track", "release"):
+        w.client(Trigger, name)
+    w.client(SetBool, "teach")
     w.hold()
 
     def call_it(name):

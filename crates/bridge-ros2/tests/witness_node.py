@@ -48,6 +48,8 @@ class Witness:
         self.odom_subscription = self.node.create_subscription(Odometry, "odom", self.odom.append, 1000)
         self.node.create_subscription(JointState, "joint_states", self.joints.append, 1000)
         self.phase = None
+        # By the services' names: until the bridge knows a new one, a second passes.
+        self.clients = {}
         # Publishers of cmd_vel that are there, and that the bridge says it knows.
         self.publishers, self.known_publishers = 0, None
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self.diagnosed, 10)
@@ -86,24 +88,25 @@ class Witness:
         """How far the wheels turned so far, rad."""
         return list(self.joints[-1].position)
 
+    def client(self, kind, name):
+        if name not in self.clients:
+            self.clients[name] = self.node.create_client(kind, name)
+        return self.clients[name]
+
     def call(self, kind, name, request=None):
         """What the robot answers in time: what a busy machine makes late it refuses, as it shall, and is asked again."""
-        client = self.node.create_client(kind, name)
-        until = time.monotonic() + LONGEST_S
-        try:
-            assert client.wait_for_service(timeout_sec=LONGEST_S), f"no service {name}"
-            while True:
-                future = client.call_async(request if request is not None else kind.Request())
-                rclpy.spin_until_future_complete(self.node, future, timeout_sec=LONGEST_S)
-                assert future.done(), f"no answer of {name}"
-                answer = future.result()
-                told = [answer, getattr(answer, "result", None), *getattr(answer, "results", [])]
-                words = "".join(getattr(one, "message", "") + getattr(one, "reason", "") for one in told)
-                if not any(late in words for late in LATE):
-                    return answer
-                assert time.monotonic() < until, f"{name}: {words}"
-        finally:
-            self.node.destroy_client(client)
+        client, until = self.client(kind, name), time.monotonic() + LONGEST_S
+        assert client.wait_for_service(timeout_sec=LONGEST_S), f"no service {name}"
+        while True:
+            future = client.call_async(request if request is not None else kind.Request())
+            rclpy.spin_until_future_complete(self.node, future, timeout_sec=LONGEST_S)
+            assert future.done(), f"no answer of {name}"
+            answer = future.result()
+            told = [answer, getattr(answer, "result", None), *getattr(answer, "results", [])]
+            words = "".join(getattr(one, "message", "") + getattr(one, "reason", "") for one in told)
+            if not any(late in words for late in LATE):
+                return answer
+            assert time.monotonic() < until, f"{name}: {words}"
 
     def stamped(self, vx=0.2, turn=0.0, age=0.0):
         message = TwistStamped()

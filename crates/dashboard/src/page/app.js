@@ -88,7 +88,7 @@ by("teach").onclick = async () => {
     await ask({ do: "teach", by: sampling });
   } else {
     await ask({ do: "teach_end", name: by("path-name").value, tolerance_m: Number(by("tolerance").value) });
-    savedPaths();
+    savedPaths().catch((error) => show({ done: false, text: error.message }));
   }
 };
 by("teach-point").onclick = () => ask({ do: "teach_point" });

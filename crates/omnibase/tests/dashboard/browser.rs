@@ -1,21 +1,13 @@
 //! Headless Chromium, driven by its DevTools protocol.
 
+use super::chromium::{Chromium, Protocol};
 use serde_json::{Value, json};
 use std::cell::Cell;
-use std::io::{BufRead, BufReader};
-use std::net::TcpStream;
-use std::process::{Child, Command, Stdio};
-use std::sync::{Condvar, Mutex, PoisonError};
+use std::sync::{Arc, Condvar, Mutex, PoisonError};
 use std::time::{Duration, Instant};
-use tungstenite::stream::MaybeTlsStream;
-use tungstenite::{Message, WebSocket};
 
 /// The longest wait for anything in the page; only a failure takes so long.
 pub const LONGEST: Duration = Duration::from_secs(60);
-
-/// Pages of Chromium's own that it keeps ready beside ours, in processes of their own.
-const UNUSED: &str =
-    "WebUIOmniboxPopup,WebUIOmniboxAimPopup,WebUIOmniboxFullPopup,SpareRendererForSitePerProcess";
 
 /// Runs in the page before its own code: what the robot says passes through `tamper`, which may change it, or swallow
 /// it by giving nothing.
@@ -34,14 +26,14 @@ thread_local! {
     static MINE: Cell<usize> = const { Cell::new(0) };
 }
 
-/// A test's leave to have browsers: as many tests as processors at a time. With more a page hears its robot too late, and what
-/// is asked by it is refused, as it shall be.
+/// A test's leave to have browsers: one test more than there are processors at a time. With many a page hears its robot too
+/// late, and what is asked by it is refused, as it shall be.
 struct Turn;
 
 impl Turn {
     fn take() -> Turn {
         if MINE.replace(MINE.get() + 1) == 0 {
-            let most = std::thread::available_parallelism().map_or(1, usize::from);
+            let most = 1 + std::thread::available_parallelism().map_or(1, usize::from);
             let tests = TESTS.0.lock().unwrap_or_else(PoisonError::into_inner);
             let tests = TESTS.1.wait_while(tests, |tests| *tests >= most);
             *tests.unwrap_or_else(PoisonError::into_inner) += 1;
@@ -59,50 +51,36 @@ impl Drop for Turn {
     }
 }
 
-/// A browser with one page.
+/// A page in a browser.
 pub struct Browser {
+    page: Protocol,
+    /// What its page keeps, apart from all others.
+    context: String,
+    chromium: Arc<Chromium>,
     _turn: Turn,
-    process: Child,
-    socket: WebSocket<MaybeTlsStream<TcpStream>>,
-    number: u64,
-    profile: tempfile::TempDir,
 }
 
 impl Browser {
-    /// Starts it with a window of so many pixels; `None` where Chromium isn't installed.
+    /// Opens a page in a window of so many pixels; `None` where Chromium isn't installed.
     pub fn start(width: u32, height: u32) -> Option<Browser> {
         let turn = Turn::take();
-        let profile = tempfile::tempdir().unwrap();
-        let mut process = ["chromium", "chromium-browser", "google-chrome"].iter().find_map(|name| {
-            Command::new(name)
-                .args(["--headless=new", "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run"])
-                .args(["--disable-background-networking", "--disable-component-update", "--disable-sync"])
-                .args(["--hide-scrollbars", "--disable-dev-shm-usage", "--remote-debugging-port=0"])
-                .arg(format!("--disable-features={UNUSED}"))
-                .arg(format!("--window-size={width},{height}"))
-                .arg(format!("--user-data-dir={}", profile.path().display()))
-                .arg("about:blank")
-                .stderr(Stdio::piped())
-                .stdout(Stdio::null())
-                .spawn()
-                .ok()
-        })?;
-        let mut lines = BufReader::new(process.stderr.take().unwrap()).lines();
-        let address = lines
-            .by_ref()
-            .map_while(Result::ok)
-            .find_map(|line| line.strip_prefix("DevTools listening on ws://").map(str::to_owned))
-            .expect("Chromium says where it listens");
-        // What it says later must not fill the pipe.
-        std::thread::spawn(move || lines.for_each(drop));
-        let host = address.split('/').next().unwrap();
-        let body = ureq::get(&format!("http://{host}/json/list")).call().unwrap().body_mut().read_to_string();
-        let pages: Value = serde_json::from_str(&body.unwrap()).unwrap();
-        let page = pages.as_array().unwrap().iter().find(|page| page["type"] == "page").unwrap();
-        let (socket, _) = tungstenite::connect(page["webSocketDebuggerUrl"].as_str().unwrap()).unwrap();
-        let mut browser = Browser { _turn: turn, process, socket, number: 0, profile };
-        browser.ask("Page.enable", json!({}));
-        browser.ask("Runtime.enable", json!({}));
+        Browser::of(Chromium::shared()?, turn, width, height)
+    }
+
+    /// As [`Browser::start`], in a process of its own, which is killed with the value.
+    pub fn alone(width: u32, height: u32) -> Option<Browser> {
+        let turn = Turn::take();
+        Browser::of(Arc::new(Chromium::start()?), turn, width, height)
+    }
+
+    fn of(chromium: Arc<Chromium>, turn: Turn, width: u32, height: u32) -> Option<Browser> {
+        let (context, page) = chromium.page();
+        let mut browser = Browser { page, context, chromium, _turn: turn };
+        for domain in ["Page.enable", "Runtime.enable"] {
+            browser.ask(domain, json!({}));
+        }
+        // Whoever opens another page beside it takes no focus from it.
+        browser.ask("Emulation.setFocusEmulationEnabled", json!({"enabled": true}));
         browser.resize(width, height);
         Some(browser)
     }
@@ -116,19 +94,7 @@ impl Browser {
 
     /// One command of the protocol.
     pub fn ask(&mut self, method: &str, parameters: Value) -> Value {
-        self.number += 1;
-        let number = self.number;
-        let text = json!({"id": number, "method": method, "params": parameters}).to_string();
-        self.socket.send(Message::text(text)).unwrap();
-        loop {
-            let Message::Text(text) = self.socket.read().unwrap() else { continue };
-            let answer: Value = serde_json::from_str(&text).unwrap();
-            if answer["id"] == number {
-                assert!(answer.get("error").is_none(), "{method}: {answer}");
-                return answer["result"].clone();
-            }
-            assert!(answer["method"] != "Runtime.exceptionThrown", "the page failed: {answer}");
-        }
+        self.page.ask(method, parameters)
     }
 
     /// Opens an address.
@@ -210,6 +176,11 @@ impl Browser {
         self.mouse("mouseReleased", place);
     }
 
+    /// Whether pictures are kept.
+    pub fn are_pictures_kept() -> bool {
+        std::env::var_os("OMNIBASE_SCREENSHOTS").is_some()
+    }
+
     /// A picture of the window, kept where `OMNIBASE_SCREENSHOTS` names a folder.
     pub fn picture(&mut self, name: &str) {
         self.capture(name, json!({"captureBeyondViewport": false}));
@@ -231,9 +202,7 @@ impl Browser {
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        let _ = self.process.kill();
-        let _ = self.process.wait();
-        let _ = self.profile.path();
+        self.chromium.close(&self.context);
     }
 }
 

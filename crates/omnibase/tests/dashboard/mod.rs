@@ -2,6 +2,7 @@
 
 mod axes;
 pub mod browser;
+mod chromium;
 mod drawing;
 mod inputs;
 mod line;
@@ -35,7 +36,11 @@ const STOP: u16 = 0x121;
 const SQUARE: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../../robots/square.dat");
 
 fn browser(width: u32, height: u32) -> Option<Browser> {
-    let browser = Browser::start(width, height);
+    told(Browser::start(width, height))
+}
+
+/// Says it where there is none.
+fn told(browser: Option<Browser>) -> Option<Browser> {
     if browser.is_none() {
         eprintln!("SKIPPED: Chromium isn't installed: the page was not tried");
     }
@@ -121,7 +126,7 @@ fn mend(page: &mut Browser) {
 
 #[test]
 fn a_person_drives_stops_and_is_stopped_by_the_loss_of_the_page() {
-    let Some(mut page) = browser(1400, 1000) else { return };
+    let Some(mut page) = told(Browser::alone(1400, 1000)) else { return };
     let robot = Robot::start(&[]);
     page.open(&robot.url());
     opened(&mut page);
@@ -150,7 +155,7 @@ fn a_person_drives_stops_and_is_stopped_by_the_loss_of_the_page() {
     mend(&mut page);
     press(&mut page, "[data-do=enable]", "document.getElementById('phase').textContent === 'holding'");
 
-    // Driving again, and the page dies.
+    // Driving again, and the browser is killed.
     let stick = page.middle("#stick");
     let held = Stick {
         hold: &|page| {

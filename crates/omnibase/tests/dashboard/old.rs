@@ -121,7 +121,7 @@ fn a_press_into_a_dead_line_is_refused_on_the_spot_and_never_arrives() {
         page.wait("document.getElementById('said').textContent.startsWith('not sent: ')");
         line.set(LineMode::Open);
         page.wait(FRESH);
-        cycles_pass(&robot, 3000, |robot| {
+        cycles_pass(&robot, 1000, |robot| {
             let now = robot.read("now");
             assert!(now["phase"] == "holding" && now["goal"].is_null(), "{way:?}: {now}");
         });

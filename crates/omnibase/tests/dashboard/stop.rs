@@ -24,73 +24,73 @@ fn stop_has_one_place_and_one_size_whatever_happens() {
     let line = Line::to(&robot.at);
     page.tamper();
     for (width, height) in WINDOWS {
-        for scheme in ["light", "dark"] {
-            let metrics =
-                json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 1000});
-            page.ask("Emulation.setDeviceMetricsOverride", metrics);
-            let features = json!([{"name": "prefers-color-scheme", "value": scheme}]);
-            page.ask("Emulation.setEmulatedMedia", json!({"features": features}));
-            let mut places: Vec<(&str, Value)> = Vec::new();
-            let mut look = |page: &mut Browser, state: &'static str| {
+        let metrics =
+            json!({"width": width, "height": height, "deviceScaleFactor": 1, "mobile": width < 1000});
+        page.ask("Emulation.setDeviceMetricsOverride", metrics);
+        let mut places: Vec<(&str, &str, Value)> = Vec::new();
+        let mut look = |page: &mut Browser, state: &'static str| {
+            for scheme in ["light", "dark"] {
+                let features = json!([{"name": "prefers-color-scheme", "value": scheme}]);
+                page.ask("Emulation.setEmulatedMedia", json!({"features": features}));
                 page.picture(&format!("{width}-{scheme}-{state}"));
-                places.push((state, page.value(PLACE)));
-            };
-            line.set(LineMode::WithoutLive);
-            page.open("about:blank");
-            page.open(&format!("{}/?token={TOKEN}", line.at));
-            page.wait("document.readyState === 'complete' && document.getElementById('link')?.textContent.includes('connect')");
-            look(&mut page, "connecting");
-            line.set(LineMode::Open);
-            opened(&mut page);
-            look(&mut page, "normal");
-            for (state, how) in [
-                ("emergency", "seen.emergency_stop = true"),
-                (
-                    "fault",
-                    "seen.phase = 'fault'; seen.stop_reason = 'a drive failed'; seen.stop_drive = 1; \
-                  seen.drives[1] = { state: 'fault', error: '0x8611 (following error)' }",
-                ),
-                (
-                    "drives-lost",
-                    "seen.phase = 'fault'; seen.stop_reason = 'a SubDevice was lost'; \
-                  for (const drive of seen.drives) drive.state = 'lost'",
-                ),
-                ("stick-lost", "seen.joystick = 'lost'"),
-                ("slow", "seen.delay_ms = 12345"),
-                (
-                    "long",
-                    "seen.commander = 'a page with a very long name '.repeat(9); seen.phase = 'quick stopping'; \
-                  document.getElementById('name').textContent = 'a robot with a very long name '.repeat(9)",
-                ),
-            ] {
-                page.change(how);
-                look(&mut page, state);
+                places.push((state, scheme, page.value(PLACE)));
             }
-            page.change("");
-            page.value(
-                "(() => { for (const e of document.querySelectorAll('#settings details')) e.open = true; \
-                 document.getElementById('settings').scrollIntoView(); })()",
-            );
-            look(&mut page, "settings");
-            page.value("window.scrollTo(0, 0)");
-            page.swallow();
-            page.wait("document.getElementById('link').classList.contains('lost')");
-            look(&mut page, "silent");
-            line.set(LineMode::Cut);
-            page.wait("document.getElementById('link').classList.contains('lost')");
-            look(&mut page, "lost");
-            page.click("#stop");
-            page.wait("document.getElementById('stop').textContent.includes('no connection')");
-            look(&mut page, "not-sent");
-            line.set(LineMode::Open);
-            page.wait("document.getElementById('stop').textContent.includes('STOPPED')");
-            look(&mut page, "stopped");
-            assert_eq!(robot.call(&json!({"do": "release"})).0, 200);
-            let fine = json!([places[1].1["rect"], true, true, true, true]);
-            for (state, at) in &places {
-                let found = json!([at["rect"], at["isFree"], at["isOn"], at["inside"], at["fits"]]);
-                assert_eq!(found, fine, "{width} pixels, {scheme}, {state}: {places:#?}");
-            }
+        };
+        line.set(LineMode::WithoutLive);
+        page.open("about:blank");
+        page.open(&format!("{}/?token={TOKEN}", line.at));
+        page.wait("document.readyState === 'complete' && document.getElementById('link')?.textContent.includes('connect')");
+        look(&mut page, "connecting");
+        line.set(LineMode::Open);
+        opened(&mut page);
+        look(&mut page, "normal");
+        for (state, how) in [
+            ("emergency", "seen.emergency_stop = true"),
+            (
+                "fault",
+                "seen.phase = 'fault'; seen.stop_reason = 'a drive failed'; seen.stop_drive = 1; \
+              seen.drives[1] = { state: 'fault', error: '0x8611 (following error)' }",
+            ),
+            (
+                "drives-lost",
+                "seen.phase = 'fault'; seen.stop_reason = 'a SubDevice was lost'; \
+              for (const drive of seen.drives) drive.state = 'lost'",
+            ),
+            ("stick-lost", "seen.joystick = 'lost'"),
+            ("slow", "seen.delay_ms = 12345"),
+            (
+                "long",
+                "seen.commander = 'a page with a very long name '.repeat(9); seen.phase = 'quick stopping'; \
+              document.getElementById('name').textContent = 'a robot with a very long name '.repeat(9)",
+            ),
+        ] {
+            page.change(how);
+            look(&mut page, state);
+        }
+        page.change("");
+        page.value(
+            "(() => { for (const e of document.querySelectorAll('#settings details')) e.open = true; \
+             document.getElementById('settings').scrollIntoView(); })()",
+        );
+        look(&mut page, "settings");
+        page.value("window.scrollTo(0, 0)");
+        page.swallow();
+        page.wait("document.getElementById('link').classList.contains('lost')");
+        look(&mut page, "silent");
+        line.set(LineMode::Cut);
+        page.wait("document.getElementById('link').classList.contains('lost')");
+        look(&mut page, "lost");
+        page.click("#stop");
+        page.wait("document.getElementById('stop').textContent.includes('no connection')");
+        look(&mut page, "not-sent");
+        line.set(LineMode::Open);
+        page.wait("document.getElementById('stop').textContent.includes('STOPPED')");
+        look(&mut page, "stopped");
+        assert_eq!(robot.call(&json!({"do": "release"})).0, 200);
+        let fine = json!([places[2].2["rect"], true, true, true, true]);
+        for (state, scheme, at) in &places {
+            let found = json!([at["rect"], at["isFree"], at["isOn"], at["inside"], at["fits"]]);
+            assert_eq!(found, fine, "{width} pixels, {scheme}, {state}: {places:#?}");
         }
     }
     robot.end();

@@ -1,6 +1,7 @@
 //! Driving to a pose through the room: around walls, around what comes meanwhile, and given up where nothing leads there.
 
 use serde_json::{Value, json};
+use std::time::Duration;
 
 use super::robot::Robot;
 
@@ -10,11 +11,20 @@ const WALL: &str = "map.blocked_m=[[[1.3,-4.0],[1.5,-4.0],[1.5,0.4],[1.3,0.4]]]"
 /// What is said where a busy machine gave the search too little of its time, and while it still has to do with the one before.
 const NO_TIME: [&str; 2] = ["in the time that was given for it", "ask again when they are done"];
 
+/// The search gives way to every other program: with many beside it a way takes minutes.
+const PLANNED: Duration = Duration::from_secs(600);
+
+/// Waits for what a search is needed for.
+fn wait(robot: &Robot, what: &str, holds: impl FnMut(&Robot) -> bool) {
+    let came_true = robot.is_true_within(holds, PLANNED);
+    assert!(came_true, "never came true: {what}: {}", robot.read("now"));
+}
+
 fn drive(robot: &Robot, pose: [f64; 3]) {
     robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
     // Who waits for a way on a busy machine is told after some seconds that there was no time for it, and asks again.
     let mut said = Value::Null;
-    robot.wait("there is time for a way", |robot| {
+    wait(robot, "there is time for a way", |robot| {
         said = robot.call(&json!({ "do": "drive_to", "pose": pose })).1;
         !NO_TIME.iter().any(|words| said["text"].as_str().unwrap().contains(words))
     });
@@ -27,7 +37,7 @@ fn way(robot: &Robot) -> Value {
 }
 
 fn ended(robot: &Robot) -> Value {
-    robot.wait("the way ends", |robot| way(robot)["under_way"] == false);
+    wait(robot, "the way ends", |robot| way(robot)["under_way"] == false);
     way(robot)
 }
 
@@ -60,10 +70,10 @@ fn a_robot_drives_around_walls_and_around_what_comes_and_says_why_it_gives_up() 
     };
     let has_planned = (0..20).any(|_| {
         drive(&robot, [0.0, 0.0, 0.0]);
-        robot.wait("it moves", |robot| robot.value("state/pose_x_m") < 2.75);
+        wait(&robot, "it moves", |robot| robot.value("state/pose_x_m") < 2.75);
         put(&robot, [1.4, 1.0], 0.2);
         let has_planned = || way(&robot)["text"].as_str().unwrap().contains("planned again 1 times");
-        robot.wait("it is planned again, or over", |_| has_planned() || way(&robot)["under_way"] == false);
+        wait(&robot, "it is planned again, or over", |_| has_planned() || way(&robot)["under_way"] == false);
         let has_planned = has_planned();
         let how = ended(&robot)["text"].as_str().unwrap().to_owned();
         let had_no_time = how.contains(NO_TIME[0]);

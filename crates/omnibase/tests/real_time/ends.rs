@@ -1,6 +1,6 @@
 //! Ctrl-C, SIGTERM, a second signal, and a disk that is full.
 
-use super::support::{PATIENT, Program, Scratch, events, left_op_in_order, number, repository};
+use super::support::{ENDLESS, PATIENT, Program, Scratch, events, left_op_in_order, number, repository};
 use omnibase_host::Namespace;
 use std::process::Command;
 
@@ -33,10 +33,8 @@ fn a_signal_ramps_down_disables_the_drives_and_closes_the_files() {
             }
             let recording = Scratch::new(&format!("{signal}.mcap"));
             let mut simulator = Program::simulate(&[&robot]);
-            let arguments = [
-                &[robot.as_str(), "--circle", "radius_m=0.5,duration_s=30", "--record", recording.path()][..],
-                &PATIENT,
-            ];
+            let arguments =
+                [&[robot.as_str(), "--circle", ENDLESS, "--record", recording.path()][..], &PATIENT];
             let run = Program::run(&arguments.concat());
             simulator.wait_for("the robot moves");
             run.signal(signal);

@@ -1,6 +1,6 @@
 //! A run that follows its plan, without a page: its own user sees it, changes it and stops it, by a socket of that user alone.
 
-use super::support::{PATIENT, Program, events, repository};
+use super::support::{ENDLESS, PATIENT, Program, events, repository};
 use omnibase_host::Namespace;
 use std::os::unix::fs::{FileTypeExt, MetadataExt};
 use std::process::Command;
@@ -30,7 +30,7 @@ fn a_planned_run_is_seen_changed_and_stopped_by_its_own_user_and_led_by_nobody()
         for stop in [&["call", "stop", "category=category_1"][..], &["call", "emergency_stop"]] {
             let mut simulator = Program::simulate(&[&robot]);
             let mut command = Command::new(env!("CARGO_BIN_EXE_omnibase"));
-            command.args(["run", &robot, "--circle", "radius_m=0.5,duration_s=60", "--json", "--interface"]);
+            command.args(["run", &robot, "--circle", ENDLESS, "--json", "--interface"]);
             command.arg(Namespace::NEAR).args(PATIENT).env("XDG_RUNTIME_DIR", runtime);
             let run = Program::start(command);
             simulator.wait_for("the robot moves");

@@ -74,20 +74,27 @@ fn a_slow_device_has_its_turns_and_the_robot_drives() {
     assert!(turns * 20 > ages_s.len() && turns * 5 < ages_s.len(), "{turns} of {}", ages_s.len());
 }
 
-/// A gripper that isn't plugged in is told and missed by nobody; one that is goes to OP with the others.
+/// A robot with a gripper.
+fn with_gripper(name: &str) -> Scratch {
+    with(name, "alias = 77\ngroup = \"arm\"\n")
+}
+
 #[test]
-fn a_hot_connect_group_may_be_there_or_not() {
-    let Some(namespace) = Namespace::for_test("a_hot_connect_group_may_be_there_or_not") else { return };
-    let robot = with("gripper", "alias = 77\ngroup = \"arm\"\n");
+fn a_hot_connect_group_that_is_not_plugged_in_is_told_and_missed_by_nobody() {
+    let Some(namespace) = Namespace::for_test("a_hot_connect_group_that_is_not_there") else { return };
+    let (bare, robot) = (repository("robots/bmm.toml"), with_gripper("no_gripper"));
+    let (run, simulated) = namespace.run(|| driven(&bare, robot.0.to_str().unwrap(), &[]));
+    drove(&run, &simulated);
+    assert!(run.said.contains("hot-connect group `arm` isn't plugged in"), "{}", run.said);
+}
+
+#[test]
+fn a_hot_connect_group_that_is_plugged_in_goes_to_op_with_the_others() {
+    let Some(namespace) = Namespace::for_test("a_hot_connect_group_that_is_there") else { return };
+    let robot = with_gripper("gripper");
     let robot = robot.0.to_str().unwrap();
-    let bare = repository("robots/bmm.toml");
-    namespace.run(|| {
-        let (run, simulated) = driven(&bare, robot, &[]);
-        drove(&run, &simulated);
-        assert!(run.said.contains("hot-connect group `arm` isn't plugged in"), "{}", run.said);
-        let (run, simulated) = driven(robot, robot, &[]);
-        drove(&run, &simulated);
-        assert!(!run.said.contains("isn't plugged in"), "{}", run.said);
-        assert!(events(&simulated.json()).contains(&"SubDevice 3: OP"), "{}", simulated.output);
-    });
+    let (run, simulated) = namespace.run(|| driven(robot, robot, &[]));
+    drove(&run, &simulated);
+    assert!(!run.said.contains("isn't plugged in"), "{}", run.said);
+    assert!(events(&simulated.json()).contains(&"SubDevice 3: OP"), "{}", simulated.output);
 }

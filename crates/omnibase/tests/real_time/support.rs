@@ -33,6 +33,9 @@ pub const PATIENT: [&str; 12] = [
     "safety.drive_watchdog_us=1500000",
 ];
 
+/// A circle that ends by no machine's pauses, and on which the robot moves after a second.
+pub const ENDLESS: &str = "radius_m=0.5,period_s=10,turns=endless";
+
 /// What a test needs that looks at SYNC0 or counts lost frames: as much patience as such drives can be told to have. To
 /// be used in [`undisturbed`] runs alone.
 pub const WITH_SYNC0: [&str; 8] = [

@@ -12,10 +12,10 @@ const LEAST_CYCLES: usize = 900;
 /// Runs until one is long enough.
 const ATTEMPTS: u32 = 5;
 
-/// What `strace` wrote of a run that is recorded, in which a drive loses its supply and comes back.
-fn traced(ring: &[&str]) -> String {
+/// What `strace` wrote of a run that is recorded, in which a drive loses its supply and comes back; with what is more for this port.
+fn traced(port: &str, ring: &[&str]) -> String {
     let robot = repository("robots/bmm.toml");
-    let (trace, recording) = (Scratch::new("run.strace"), Scratch::new("traced.mcap"));
+    let (trace, recording) = (Scratch::new(&format!("{port}.strace")), Scratch::new(&format!("{port}.mcap")));
     let _simulator = Program::simulate(&[&robot, "--fault", "power-cycle@2:5:0.3"]);
     let mut command = Command::new("strace");
     command.args(["-f", "-o", trace.path(), env!("CARGO_BIN_EXE_omnibase"), "run", &robot, "--realtime"]);
@@ -53,36 +53,38 @@ fn calls(trace: &str) -> Option<BTreeMap<&str, (usize, &str)>> {
 
 #[test]
 fn the_thread_of_the_cycle_asks_the_kernel_for_frames_and_time_alone() {
+    asks_for("socket", &[], &["clock_nanosleep", "sendto", "recvfrom", "ppoll", "ioctl"]);
+}
+
+#[test]
+fn the_thread_of_a_cycle_with_a_ring_asks_the_kernel_for_sends_and_time_alone() {
+    asks_for("ring", &["--ring"], &["clock_nanosleep", "sendto", "ppoll", "ioctl"]);
+}
+
+/// With this port it asks for nothing but what is allowed.
+fn asks_for(port: &str, more: &[&str], allowed: &[&str]) {
     const TEST: &str = "the_thread_of_the_cycle_asks_the_kernel";
     let Some(namespace) = Namespace::for_test(TEST) else { return };
     if Command::new("strace").arg("-V").stdout(Stdio::null()).status().is_err() {
         eprintln!("SKIPPED: {TEST}: strace is not installed");
         return;
     }
-    for (port, more, allowed) in [
-        ("socket", &[][..], &["clock_nanosleep", "sendto", "recvfrom", "ppoll", "ioctl"][..]),
-        ("ring", &["--ring"], &["clock_nanosleep", "sendto", "ppoll", "ioctl"]),
-    ] {
-        let traces = (0..ATTEMPTS).map(|_| namespace.run(|| traced(more)));
-        let Some(trace) = traces.into_iter().find(|trace| calls(trace).is_some()) else {
-            eprintln!(
-                "SKIPPED: {TEST}: under strace this machine ran {LEAST_CYCLES} cycles in none of {ATTEMPTS} runs"
-            );
-            return;
-        };
-        let calls = calls(&trace).unwrap_or_default();
-        let counted: Vec<String> = calls.iter().map(|(name, (count, _))| format!("{count} {name}")).collect();
-        eprintln!("{TEST}, {port}: {}", counted.join(", "));
-        for (name, (count, line)) in &calls {
-            assert!(allowed.contains(name), "{port}: the cycle also calls {name}, {count} times: {line}");
-            // Whether the cable is in, which the port asks where a frame stays away.
-            assert!(*name != "ioctl" || line.contains("SIOCGIFFLAGS"), "{port}: {line}");
-        }
-        // One frame a cycle, and one more where it looks for who is missing.
-        let (sleeps, sends) = (calls["clock_nanosleep"].0, calls["sendto"].0);
-        assert!(
-            sends >= sleeps && sleeps > LEAST_CYCLES / 2,
-            "{port}: is the trace read rightly? {counted:?}"
+    let traces = (0..ATTEMPTS).map(|_| namespace.run(|| traced(port, more)));
+    let Some(trace) = traces.into_iter().find(|trace| calls(trace).is_some()) else {
+        eprintln!(
+            "SKIPPED: {TEST}: under strace this machine ran {LEAST_CYCLES} cycles in none of {ATTEMPTS} runs"
         );
+        return;
+    };
+    let calls = calls(&trace).unwrap_or_default();
+    let counted: Vec<String> = calls.iter().map(|(name, (count, _))| format!("{count} {name}")).collect();
+    eprintln!("{TEST}, {port}: {}", counted.join(", "));
+    for (name, (count, line)) in &calls {
+        assert!(allowed.contains(name), "{port}: the cycle also calls {name}, {count} times: {line}");
+        // Whether the cable is in, which the port asks where a frame stays away.
+        assert!(*name != "ioctl" || line.contains("SIOCGIFFLAGS"), "{port}: {line}");
     }
+    // One frame a cycle, and one more where it looks for who is missing.
+    let (sleeps, sends) = (calls["clock_nanosleep"].0, calls["sendto"].0);
+    assert!(sends >= sleeps && sleeps > LEAST_CYCLES / 2, "{port}: is the trace read rightly? {counted:?}");
 }

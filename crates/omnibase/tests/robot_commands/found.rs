@@ -292,10 +292,13 @@ fn every_device_and_module_of_real_makers_loads() {
     }
     let modules_ = listed(&modules, "modules");
     let names: Vec<&str> = modules_.iter().map(|module| module["type"].as_str().unwrap()).collect();
-    for name in &names {
-        load(&[&modular, &modules, "--device", "UR20-FBC-EC", "--slot", name]);
+    // Several in a station: each command reads all of the makers' files.
+    for some in names.chunks(8) {
+        let slots = some.iter().flat_map(|name| ["--slot", name]);
+        let station = [&modular, &modules, "--device", "UR20-FBC-EC"].into_iter().chain(slots);
+        load(&station.collect::<Vec<_>>());
     }
-    assert_eq!((names.len(), loaded), (82, 27 + 82));
+    assert_eq!((names.len(), loaded), (82, 27 + 11));
 }
 
 #[test]

@@ -44,7 +44,8 @@ fn half_an_alias_is_made_whole_by_a_button() {
         let bus = || {
             let link = Cut { link: PacketSocket::open(Namespace::NEAR).unwrap(), left: Rc::clone(&left) };
             let mut bus = Bus::new(link, MonotonicClock, BusOptions::default());
-            bus.scan().unwrap();
+            // A busy machine gives the simulator its time late.
+            assert!((0..20).any(|_| bus.scan().is_ok()), "nobody answers");
             bus
         };
         let begins = {
@@ -52,11 +53,16 @@ fn half_an_alias_is_made_whole_by_a_button() {
             let before = bus.read_sii(1).unwrap();
             let after = bus.sii_with_alias(1, ALIAS).unwrap().unwrap();
             // On a busy machine frames come too late, and are sent again: cut off where half of it stands there.
-            let is_half = (20..).step_by(10).take(20).any(|frames| {
+            let is_half = (1..).take(200).any(|frames| {
                 left.set(frames);
-                bus.write_sii(1, &before, &after).unwrap_err();
+                let _ = bus.write_sii(1, &before, &after);
                 left.set(u32::MAX);
-                bus.read_sii(1).unwrap() != before
+                let head = bus.read_sii(1).unwrap()[..sii::HEADER].to_vec();
+                let is_whole = head == after[..sii::HEADER];
+                if is_whole {
+                    bus.write_sii(1, &after, &before).unwrap();
+                }
+                !is_whole && head != before[..sii::HEADER]
             });
             assert!(is_half);
             before[..sii::HEADER].to_vec()

@@ -74,7 +74,8 @@ fn an_unknown_robot_behind_a_cable_is_set_up_on_the_page() {
                 });
                 travel = went.unwrap_or(travel);
                 // Where nothing moved it still waits.
-                page.is_true_within("document.getElementById('holding').hidden", Duration::from_secs(3));
+                let is_over = format!("holding.hidden || what.textContent !== {what:?}");
+                page.is_true_within(&is_over, Duration::from_secs(3));
                 continue;
             }
             let id = now["asked"].as_str().unwrap().to_owned();
