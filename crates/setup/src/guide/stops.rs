@@ -4,6 +4,7 @@ use omnibase_ethercat::transaction::Access;
 use omnibase_ethercat::wire::{Clock, register};
 use omnibase_ethercat::{Bus, BusOptions};
 
+use super::at_start::MAX_TORQUE;
 use super::jogging::Motion;
 use super::reading::held;
 use super::{Guide, Leave, SetupError, has_its_numbers};
@@ -133,17 +134,24 @@ impl<C: Clock> Guide<'_, C> {
         Ok(self.record.drives.iter().map(|drive| drive.position).filter(has_lost).collect())
     }
 
-    /// Drives that lost their supply hold what is stored in them: nothing of a jog, and nothing of what they held before it.
+    /// Drives that lost their supply hold what is stored in them: nothing of what they held before a jog.
     pub(super) fn see_as_stored(&mut self, lost: &[u16]) -> Result<(), SetupError> {
         if lost.is_empty() {
             return Ok(());
         }
         let mut bus = self.bus()?;
         self.are_those_found(&bus)?;
+        let limit = self.wished.torque_per_mille.to_le_bytes();
         let Record { drives, jogged, .. } = &mut self.record;
         for drive in drives.iter_mut().filter(|drive| lost.contains(&drive.position)) {
-            drive.was = held(&mut bus, &self.plan, drive);
-            jogged.retain(|one| one.position != drive.position || !has_its_numbers(one, drive));
+            let stored = held(&mut bus, &self.plan, drive);
+            // One that stores by itself may hold the jog's limit: what is known of it stays.
+            let is_no_jogs =
+                |(index, _, bytes): &(u16, u8, Vec<u8>)| *index == MAX_TORQUE && bytes[..] != limit;
+            if stored.iter().any(is_no_jogs) {
+                drive.was = stored;
+                jogged.retain(|one| one.position != drive.position || !has_its_numbers(one, drive));
+            }
         }
         self.kept();
         Ok(())

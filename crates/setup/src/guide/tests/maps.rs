@@ -178,6 +178,9 @@ fn a_drive_without_sync0_is_jogged_as_the_file_has_it_synchronised() {
     assert!(refused.contains("0x0030"), "{refused}");
 }
 
+/// Other words in the maker's file, whether the robot's has a map for a jog, which answer is said otherwise, how often, and what comes of it.
+type Case<'a> = (Vec<(&'a str, &'a str)>, bool, &'static [u8], &'static [u8], u32, Result<(), &'static str>);
+
 /// In another mode a drive would go where nobody told it; and what can't be read would be overwritten.
 #[test]
 fn a_drive_that_is_not_as_a_jog_needs_it_has_the_files_map_or_is_not_enabled() {
@@ -211,7 +214,7 @@ fn a_drive_that_is_not_as_a_jog_needs_it_has_the_files_map_or_is_not_enabled() {
     const SHOWN: &[u8] = &[0x4F, 0x61, 0x60, 0x00];
     const DECELERATION: &[u8] = &[0x43, 0x85, 0x60, 0x00];
     const UNREADABLE: &[u8] = &[0x80, 0x85, 0x60, 0x00, 0x01, 0x00, 0x01, 0x06];
-    let all: [(_, bool, _, &'static [u8], u32, Result<(), &str>); 7] = [
+    let all: [Case<'_>; 7] = [
         (vec![unmapped], false, SHOWN, &[0x4F, 0x61, 0x60, 0x00, 9], u32::MAX, Ok(())),
         // It takes its time.
         (vec![unmapped], false, SHOWN, &[0x4F, 0x61, 0x60, 0x00, 0], 5, Ok(())),

@@ -44,9 +44,10 @@ impl Hand for Switches<'_> {
 }
 
 /// Switched off and on for its alias, or by the emergency stop, a drive holds what is stored in it: that stays, not what it held before.
+/// But one that stores by itself holds the jog's limit: that isn't its own.
 #[test]
 fn a_drive_that_lost_its_supply_keeps_what_is_stored_in_it() {
-    for is_stop in [false, true] {
+    for (is_stop, is_jogs) in [(false, false), (true, false), (false, true), (true, true)] {
         let tables = "[[subdevice]]\nkind = \"servo\"\n[[subdevice]]\nkind = \"servo\"\nalias = 9\ncount = 1\n\
                       [[subdevice]]\nkind = \"servo\"\n";
         let segment = omnibase_ethercat_sim::SegmentFile::parse(tables).unwrap();
@@ -65,6 +66,9 @@ fn a_drive_that_lost_its_supply_keeps_what_is_stored_in_it() {
         let mut hand = Switches { injector: &injector, cycles: 0 };
         with_found(BASE, &mut open, &mut hand, |guide| {
             guide.record.drives[0].wheel = Some("wheel_1".to_owned());
+            if is_jogs {
+                guide.wished.torque_per_mille = stored;
+            }
             guide.operational().unwrap();
             assert_eq!(guide.who_lost_supply().unwrap(), Vec::<u16>::new());
             assert!(if is_stop { guide.stop_all() } else { guide.name_all() }.unwrap());
@@ -73,6 +77,7 @@ fn a_drive_that_lost_its_supply_keeps_what_is_stored_in_it() {
             assert_eq!(guide.record.jogged, []);
         });
         assert_ne!(stored, 1100);
-        assert_eq!(max_torques(&link, &clock), [stored, 1100, 1100], "{is_stop}");
+        let first = if is_jogs { 1100 } else { stored };
+        assert_eq!(max_torques(&link, &clock), [first, 1100, 1100], "{is_stop} {is_jogs}");
     }
 }
