@@ -200,8 +200,10 @@ impl Holder {
         held.0 == Some(hold) && *held.1.get_or_insert(connection) == connection
     }
 
-    fn is(&self, connection: u64) -> bool {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).1 == Some(connection)
+    /// Whether it counts where this connection lets go: not where another one holds the button that is shown by now.
+    fn hears_from(&self, connection: u64) -> bool {
+        let held = self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        held.1.is_none_or(|by| by == connection)
     }
 }
 
@@ -345,7 +347,7 @@ impl Page<'_> {
     }
 
     fn let_go(&mut self) {
-        if std::mem::take(&mut self.held) && self.common.holder.is(self.connection) {
+        if std::mem::take(&mut self.held) && self.common.holder.hears_from(self.connection) {
             self.common.hears.let_go();
         }
     }
@@ -455,11 +457,14 @@ mod tests {
         assert!(holder.takes(3, 1) && holder.takes(3, 1) && !holder.takes(3, 2));
         // More is said while it is held.
         holder.shows(Some(3));
-        assert!(holder.is(1) && !holder.is(2));
+        assert!(holder.hears_from(1) && !holder.hears_from(2));
         holder.shows(Some(4));
+        // Who held the one before lets go of it only now.
+        assert!(holder.hears_from(1));
         assert!(holder.takes(4, 2) && !holder.takes(3, 1) && !holder.takes(4, 1));
+        assert!(holder.hears_from(2) && !holder.hears_from(1));
         holder.shows(None);
-        assert!(!holder.takes(4, 2) && !holder.is(2));
+        assert!(!holder.takes(4, 2));
     }
 
     #[test]

@@ -163,7 +163,8 @@ fn places<'p>(devices: &'p [DevicePlan], on_bus: &[SubDevice]) -> Result<Vec<(u1
     if problems.is_empty() { Ok(places) } else { Err(problems.join("; ")) }
 }
 
-fn is_at(device: &DevicePlan, one: &SubDevice) -> bool {
+/// Whether a SubDevice is where the file has this device.
+pub(super) fn is_at(device: &DevicePlan, one: &SubDevice) -> bool {
     match device.place {
         BusPlace::Position(position) => one.position == position,
         BusPlace::Alias(alias) => one.alias == Some(alias),
@@ -171,7 +172,8 @@ fn is_at(device: &DevicePlan, one: &SubDevice) -> bool {
     }
 }
 
-fn is_its(device: &DevicePlan, one: &SubDevice) -> bool {
+/// Whether it has the numbers that the file has for it.
+pub(super) fn is_its(device: &DevicePlan, one: &SubDevice) -> bool {
     let found = &one.identity;
     is_identity(&device.identity, found.vendor_id, found.product_code)
         && device.identity.revision.is_none_or(|revision| revision == found.revision)

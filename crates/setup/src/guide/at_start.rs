@@ -7,9 +7,10 @@ use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_robot::RobotPlan;
-use omnibase_robot::config::{BusPlace, BusPlan, DevicePlan, Synchronisation};
+use omnibase_robot::config::{BusPlan, Synchronisation};
 
-use super::{is_identity, is_product};
+use super::apart::{is_at, is_its};
+use super::is_product;
 use crate::record::FoundDrive;
 
 /// What a jog writes over in a drive of its own: max torque, mode, what is added to a speed, how it is synchronised.
@@ -51,15 +52,7 @@ impl AtStart {
 
     /// What the file asks of a SubDevice in this place: a coupler that waits for its list of modules keeps all from OP.
     pub(super) fn of_device(plan: &RobotPlan, bus: &BusPlan, found: &SubDevice) -> AtStart {
-        let is_it = |place: BusPlace| match place {
-            BusPlace::Position(position) => position == found.position,
-            BusPlace::Alias(alias) => found.alias == Some(alias),
-            BusPlace::Identification(number) => found.identification == Some(number),
-        };
-        let (vendor_id, product_code) = (found.identity.vendor_id, found.identity.product_code);
-        let is_there =
-            |one: &&DevicePlan| is_it(one.place) && is_identity(&one.identity, vendor_id, product_code);
-        let device = plan.devices.iter().find(is_there);
+        let device = plan.devices.iter().find(|one| is_at(one, found) && is_its(one, found));
         let config = device.map_or_else(SubDeviceConfig::default, |one| one.subdevice_config(bus));
         AtStart::at(found.position, config)
     }
