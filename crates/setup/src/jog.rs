@@ -66,7 +66,8 @@ pub enum JogEnd {
     Gone,
     /// The key was never held.
     NeverHeld,
-    /// The encoder counts against the motor's turning: the drive drives it ever faster.
+    /// It turns otherwise than it is told: the other way, as where the encoder counts against the motor and the drive drives it ever
+    /// faster; or much faster.
     Runaway {
         /// Counts per cycle that were told.
         told: f64,
@@ -96,7 +97,8 @@ impl fmt::Display for JogEnd {
             JogEnd::Runaway { told, seen } => {
                 write!(
                     f,
-                    "told {told:.1} counts a cycle, its encoder counted {seen:.1}: it counts the wrong way"
+                    "told {told:.1} counts a cycle, its encoder counted {seen:.1}: {}",
+                    astray(*told, *seen)
                 )
             }
             JogEnd::Drive(words) => f.write_str(words),
@@ -337,6 +339,17 @@ pub(crate) fn enables(control: [u8; 2]) -> bool {
     ControlWord(u16::from_le_bytes(control)).contains(ControlWord::COMMAND_ENABLE_OPERATION)
 }
 
+/// What counts that weren't told mean, in words.
+pub(crate) fn astray(told: f64, seen: f64) -> &'static str {
+    match told * seen {
+        along if along > 0.0 => {
+            "it has more counts per turn, or another unit of speeds, than the file says, or more is told to it"
+        }
+        against if against < 0.0 => "it counts the wrong way",
+        _ => "it moves though it shall stand",
+    }
+}
+
 /// The counts per cycle of a drive that turns three times as fast as it is told, or as fast the other way.
 fn runs_away(speeds: &[f64; WINDOW_CYCLES], told: f64) -> Option<f64> {
     let seen = speeds.iter().sum::<f64>() / WINDOW_CYCLES as f64;
@@ -354,6 +367,14 @@ fn leaves_its_place(speeds: &[f64; WINDOW_CYCLES], usual: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_drive_that_turns_too_fast_is_not_said_to_count_the_wrong_way() {
+        let words = |told, seen| JogEnd::Runaway { told, seen }.to_string();
+        assert!(words(5.3, 19.1).contains("more counts per turn, or another unit of speeds"));
+        assert!(words(5.3, -6.7).ends_with("it counts the wrong way"));
+        assert!(words(0.0, 31.0).ends_with("it moves though it shall stand"));
+    }
 
     #[test]
     fn a_drive_that_shall_stand_runs_away_in_either_direction() {

@@ -249,7 +249,9 @@ impl Record {
     /// Nothing is done yet: what was driven on the floor was driven by what was known then.
     pub fn begin_again(&mut self) {
         (self.done, self.legs, self.takes_calibration) = (Vec::new(), Vec::new(), false);
-        self.passed_over.clear();
+        for one in std::mem::take(&mut self.passed_over) {
+            self.findings.retain(|text| *text != one.why);
+        }
     }
 
     /// Somebody goes on without a step, for one wheel or the whole robot; `why` is found.

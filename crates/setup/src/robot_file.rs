@@ -63,18 +63,23 @@ pub fn write(base: &str, record: &Record, registry: &Registry) -> Result<String,
 /// Who is on the bus, turns no wheel and isn't named in the file, is named there: it would keep a robot from its start.
 fn leave_alone(document: &mut DocumentMut, plan: &RobotPlan, record: &Record) {
     let idle = record.drives.iter().filter(|drive| drive.wheel.is_none());
-    let idle = idle.map(|drive| (drive.position, drive.vendor_id, drive.product_code));
+    let idle = idle.map(|drive| (drive.position, drive.alias, drive.vendor_id, drive.product_code));
     let others = record.others.iter().filter(|one| one.name.is_none());
-    let others = others.map(|one| (one.position, one.vendor_id, one.product_code));
+    let others = others.map(|one| (one.position, one.alias, one.vendor_id, one.product_code));
+    // Positions shift with hot-connect groups.
+    let has_groups = plan.devices.iter().any(|one| one.group.is_some());
     let mut tables = ArrayOfTables::new();
-    for (position, vendor_id, product_code) in others.chain(idle) {
+    for (position, alias, vendor_id, product_code) in others.chain(idle) {
         let mut table = Table::new();
         let mut name = format!("subdevice_{position}");
         while plan.devices.iter().any(|one| one.name == name) {
             name.push('_');
         }
         table.insert("name", value(name));
-        table.insert("position", value(i64::from(position)));
+        match alias.filter(|_| has_groups) {
+            Some(alias) => table.insert("alias", value(i64::from(alias))),
+            None => table.insert("position", value(i64::from(position))),
+        };
         table.insert("kind", value("ignore"));
         table.insert("vendor_id", value(format!("0x{vendor_id:X}")));
         table.insert("product_code", value(format!("0x{product_code:X}")));
@@ -208,5 +213,14 @@ mod tests {
                 "{text}"
             );
         }
+        // Positions shift with a hot-connect group.
+        let grouped =
+            format!("{base}\n[[device]]\nname = \"arm\"\nalias = 77\nkind = \"ignore\"\ngroup = \"arm\"\n");
+        let others = vec![FoundDevice { alias: Some(9), position: 4, ..FoundDevice::default() }];
+        let drives = record.drives[..3].to_vec();
+        let text =
+            write(&grouped, &Record { drives, others, ..Record::default() }, &Registry::with_built_in());
+        let plan = self::plan(&text.unwrap(), &Registry::with_built_in()).unwrap();
+        assert_eq!(plan.devices[1].place, omnibase_robot::config::BusPlace::Alias(9));
     }
 }

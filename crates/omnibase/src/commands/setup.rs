@@ -213,9 +213,9 @@ fn finished(
     };
     let Some(text) = text else { return Ok(is_whole) };
     let with_wheels = match calibrated {
-        Ok(Some(calibrated)) if is_whole => with_wheels(&text, &calibrated),
-        Err(error) if is_whole => Err(error.into()),
-        _ => Ok(text.clone()),
+        Ok(Some(calibrated)) => with_wheels(&text, &calibrated),
+        Ok(None) => Ok(text.clone()),
+        Err(error) => Err(error.into()),
     };
     // Whatever came of the tape, the file is there.
     let text = with_wheels.as_ref().unwrap_or(&text);

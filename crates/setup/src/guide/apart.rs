@@ -57,6 +57,15 @@ impl<C: Clock> Guide<'_, C> {
             alias: one.alias,
         });
         self.record.others = others.collect();
+        let has_groups = self.plan.devices.iter().any(|device| device.group.is_some());
+        let is_nowhere = |one: &&FoundDevice| one.name.is_none() && one.alias.is_none();
+        if let Some(one) = self.record.others.iter().find(is_nowhere).filter(|_| has_groups) {
+            return Err(SetupError::Devices(format!(
+                "SubDevice {} is in no table of the file, and places by position shift with its hot-connect groups: give it an alias, or name it \
+                 in the file",
+                one.position
+            )));
+        }
         self.are_enough(self.record.drives.len())?;
         Ok(true)
     }

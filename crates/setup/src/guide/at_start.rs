@@ -13,9 +13,11 @@ use super::apart::{is_at, is_its};
 use super::is_product;
 use crate::record::FoundDrive;
 
-/// What a jog writes over in a drive of its own: max torque, mode, what is added to a speed, how it is synchronised.
-pub(super) const JOG_WRITES: [(u16, u8); 5] =
-    [(MAX_TORQUE, 0), (0x6060, 0), (0x60B1, 0), (0x1C32, 1), (0x1C33, 1)];
+/// What a jog writes over in a drive of its own: max torque, mode, what is added to a speed or a torque, how it is synchronised.
+pub(super) const JOG_WRITES: [(u16, u8); 6] =
+    [(MAX_TORQUE, 0), (0x6060, 0), (OFFSETS[0].0, 0), (OFFSETS[1].0, 0), (0x1C32, 1), (0x1C33, 1)];
+/// What is added to each speed and torque that is told, and bytes.
+pub(super) const OFFSETS: [(u16, usize); 2] = [(0x60B1, 4), (0x60B2, 2)];
 pub(super) const MAX_TORQUE: u16 = 0x6072;
 /// Has a drive store what it holds, for one the max torque of a jog.
 pub(super) const STORE: u16 = 0x1010;

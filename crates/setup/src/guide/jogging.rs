@@ -3,7 +3,7 @@
 use omnibase_ethercat::wire::Clock;
 
 use super::{ATTEMPTS, Guide, Leave, SetupError, in_words};
-use crate::jog::{Jog, JogEnd, JogPlan};
+use crate::jog::{Jog, JogEnd, JogPlan, astray};
 use crate::record::{FoundDrive, Step, Turned};
 use crate::turns::{contradicts, is_seen_as, likely_resolution};
 
@@ -171,6 +171,9 @@ impl<C: Clock> Guide<'_, C> {
         };
         let trouble = match &jog.end {
             JogEnd::LetGo | JogEnd::Longest => None,
+            JogEnd::Runaway { told, seen } if told * seen >= 0.0 => {
+                Some(format!("{seen:.1} counts a cycle where {told:.1} were told: {}", astray(*told, *seen)))
+            }
             JogEnd::Runaway { told, seen } => Some(format!(
                 "its encoder counts against its motor ({seen:.1} counts a cycle where {told:.1} were told): change its \
                  motor's phases or its encoder by the maker's tool; `direction` can't mend that"

@@ -18,7 +18,7 @@ use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
 use omnibase_robot::config::BusPlan;
 use omnibase_session::session::{check_watchdogs, clock_direction, pace, supported_modes};
 
-use super::at_start::{AtStart, MAX_TORQUE};
+use super::at_start::{AtStart, MAX_TORQUE, OFFSETS};
 use super::before::remember;
 use super::{AnyBus, Guide, SetupError, in_words, is_it, seen, who};
 use crate::drive::{DriveMap, FIRST_OBJECT, Objects, can_be_jogged, mapped, put_bits};
@@ -29,7 +29,6 @@ use crate::record::FoundDrive;
 const ERROR_CODE: ObjectAddress = ObjectAddress::new(0x603F, 0);
 const ASKING_CYCLES: u32 = 500;
 const MODE: ObjectAddress = ObjectAddress::new(0x6060, 0);
-const SPEED_OFFSET: ObjectAddress = ObjectAddress::new(0x60B1, 0);
 const MODE_SHOWN: ObjectAddress = ObjectAddress::new(0x6061, 0);
 /// Commands of CiA 402, which are nothing unless a jog gives them: control word; targets, and what is added to them.
 const COMMANDS: [u16; 9] = [CONTROL_WORD, 0x6042, 0x60FF, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1];
@@ -186,14 +185,14 @@ impl<C: Clock> Guide<'_, C> {
             origin: None,
         };
         let mode = tolerated(MODE, vec![JOGGED_IN.code() as u8]);
-        let offset = tolerated(SPEED_OFFSET, vec![0; 4]);
+        let offsets = OFFSETS.map(|(index, bytes)| tolerated(ObjectAddress::new(index, 0), vec![0; bytes]));
         let drive_at = |position| self.record.drives.iter().find(|drive| drive.position == position);
         let at_start = |found: &SubDevice| match drive_at(found.position) {
             None => AtStart::of_device(&self.plan, bus_plan, found),
             Some(drive) => {
                 let AtStart { mut config, maps } =
                     AtStart::of_drive(&self.plan, bus_plan, drive).of_known(&drive.was);
-                config.sdos = [vec![limit.clone(), mode.clone(), offset.clone()], config.sdos].concat();
+                config.sdos = [vec![limit.clone(), mode.clone()], offsets.to_vec(), config.sdos].concat();
                 AtStart { config, maps }
             }
         };

@@ -11,7 +11,7 @@ use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 
-use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE, STORE};
+use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE, OFFSETS, STORE};
 use super::before::{recall, see_again};
 use super::{AnyBus, Guide, SetupError, in_words, is_it, is_product, seen, who};
 use crate::record::{FoundDrive, Record, Step};
@@ -93,6 +93,19 @@ impl<C: Clock> Guide<'_, C> {
                 );
                 self.hand.tell(&text);
                 self.record.note(text);
+            }
+            for (index, bytes) in OFFSETS {
+                let is_it = |one: &&(u16, u8, Vec<u8>)| one.0 == index && one.2.len() == bytes;
+                if let Some((.., was)) =
+                    drive.was.iter().find(is_it).filter(|one| one.2.iter().any(|byte| *byte != 0))
+                {
+                    self.tell_found(format!(
+                        "SubDevice {}: {index:04X} is {}, which is added to all that it is told; a jog takes it out and puts it back, so the robot \
+                         would drive with it: write 0 by the maker's tool",
+                        drive.position,
+                        number(was)
+                    ));
+                }
             }
             let of_file = self.scale_of(drive).rated_torque_nm;
             if let Some(rated) = drive.rated_torque_nm.filter(|rated| (rated / of_file - 1.0).abs() > 0.01) {

@@ -47,14 +47,17 @@ fn a_file_that_no_set_up_wrote_is_left_alone_and_a_state_is_whole_or_the_old_one
 fn ways_that_no_wheels_fit_keep_no_file_back() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("mine.toml");
-    let mut written = None;
-    let calibrated = Err(SetupError::Bus("no wheels fit".to_owned()));
-    let ended = Ended::File("name = 1".to_owned());
-    let ended = finished(&file, &Record::default(), ended, calibrated, &mut written);
-    let words = format!("{:#}", ended.unwrap_err());
-    assert!(words.contains("without the wheels") && words.contains("no wheels fit"), "{words}");
-    assert_eq!(std::fs::read_to_string(&file).unwrap(), "name = 1");
-    assert_eq!(written.as_deref(), Some("name = 1"));
+    // Left, too: one that was whole before mustn't lose its wheels in silence.
+    for ended in [Ended::File("name = 1".to_owned()), Ended::Left(Some("name = 1".to_owned()))] {
+        let mut written = None;
+        let calibrated = Err(SetupError::Bus("no wheels fit".to_owned()));
+        let begun = Record { written: Some("name = 1".to_owned()), ..Record::default() };
+        let ended = finished(&file, &begun, ended, calibrated, &mut written);
+        let words = format!("{:#}", ended.unwrap_err());
+        assert!(words.contains("without the wheels") && words.contains("no wheels fit"), "{words}");
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), "name = 1");
+        assert_eq!(written.as_deref(), Some("name = 1"));
+    }
 }
 
 #[test]
@@ -142,4 +145,7 @@ fn what_was_passed_over_is_not_called_done() {
         "PASSED OVER, and offered again by the same command: emergency stop of wheel_2; the first metre.";
     assert!(words.lines().any(|line| line == passed_over), "{words}");
     assert!(words.contains("- wheel_2: not tried\n"), "{words}");
+    // Begun again, all is done anew: what is found then counts.
+    record.begin_again();
+    assert_eq!((record.findings, record.passed_over), (Vec::new(), Vec::new()));
 }

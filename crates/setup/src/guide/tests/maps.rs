@@ -137,9 +137,27 @@ fn what_is_added_to_a_speed_and_is_not_mapped_is_nothing_in_a_jog_and_put_back()
     let (link, clock) = made(&[]);
     let mut bus = by_tool(&link, &clock);
     bus.sdo_write(1, ObjectAddress::new(0x60B1, 0), &100_000_i32.to_le_bytes()).unwrap();
+    bus.sdo_write(1, ObjectAddress::new(0x60B2, 0), &1000_i16.to_le_bytes()).unwrap();
     drop(bus);
-    assert_eq!(jogged(&base("sync0", true), &link, &clock), Ok(JogEnd::LetGo));
-    assert_eq!(held(&mut by_tool(&link, &clock), 1, 0x60B1), 100_000);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    with_found(&base("sync0", true), &mut open, &mut Holds(0), |guide| {
+        let told: Vec<bool> = ["60B1 is 100000", "60B2 is 1000"]
+            .map(|words| {
+                guide.record.findings.iter().any(|text| text.starts_with(&format!("SubDevice 1: {words}")))
+            })
+            .to_vec();
+        assert_eq!((told, guide.record.findings.len()), (vec![true; 2], 2));
+        let operational = guide.operational().unwrap();
+        drop(operational);
+        let mut bus = by_tool(&link, &clock);
+        assert_eq!([0x60B1, 0x60B2].map(|index| held(&mut bus, 1, index)), [0; 2]);
+        drop(bus);
+        assert_eq!(guide.jog(1, jogging::Motion::Turns, "hold the key").unwrap().end, JogEnd::LetGo);
+        guide.leave_as_found();
+    });
+    let mut bus = by_tool(&link, &clock);
+    assert_eq!([0x60B1, 0x60B2].map(|index| held(&mut bus, 1, index)), [100_000, 1000]);
 }
 
 /// Most drives are delivered with a map of positions.
