@@ -248,3 +248,25 @@ fn a_wheel_that_looks_like_the_lift_is_asked_for_its_place() {
         assert_eq!(hand.asked, asked);
     }
 }
+
+/// Whom no table has would be named by its place, and that shifts with a hot-connect group: told before anything moves.
+#[test]
+fn who_is_in_no_table_has_an_alias_where_there_is_a_hot_connect_group() {
+    let base =
+        format!("{BASE}\n[[device]]\nname = \"arm\"\nalias = 77\nkind = \"ignore\"\ngroup = \"arm\"\n");
+    for (alias, is_told) in [("", true), ("alias = 9\n", false)] {
+        let tables =
+            "[[subdevice]]\nkind = \"servo\"\ncount = 3\n[[subdevice]]\nkind = \"digital-io\"\ninputs = 8\n";
+        let (link, clock) = segment_of(&format!("{tables}{alias}"));
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            Ok((Box::new(link.clone()), clock.clone()))
+        };
+        with_found(&base, &mut open, &mut Nobody, |guide| match guide.set_apart() {
+            Ok(is_apart) => assert!(is_apart && !is_told),
+            Err(error) => {
+                let words = error.to_string();
+                assert!(is_told && words.contains("SubDevice 3 is in no table of the file"), "{words}");
+            }
+        });
+    }
+}
