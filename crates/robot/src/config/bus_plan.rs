@@ -1,5 +1,7 @@
 //! The bus and its cycle, resolved, and who is where on it.
 
+use std::fmt;
+
 use omnibase_ethercat::config as bus_config;
 use omnibase_ethercat::start_up::{ReadBack, SdoAccess};
 
@@ -83,6 +85,16 @@ pub enum BusPlace {
     Alias(u16),
     /// By explicit device identification, the switch on the device.
     Identification(u16),
+}
+
+impl fmt::Display for BusPlace {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.pad(&match self {
+            BusPlace::Position(position) => format!("position {position}"),
+            BusPlace::Alias(alias) => format!("alias {alias}"),
+            BusPlace::Identification(number) => format!("identification {number}"),
+        })
+    }
 }
 
 /// Who must be there; what is `None` isn't compared.

@@ -119,7 +119,7 @@ fn places<'p>(devices: &'p [DevicePlan], on_bus: &[SubDevice]) -> Result<Vec<(u1
     let is_absent = |device: &DevicePlan| !on_bus.iter().any(|one| is_at(device, one));
     for device in devices {
         let there: Vec<&SubDevice> = on_bus.iter().filter(|one| is_at(device, one)).collect();
-        let mut words = format!("`{}` is at {} in the file", device.name, place(device.place));
+        let mut words = format!("`{}` is at {} in the file", device.name, device.place);
         match there[..] {
             [] => {
                 // A hot-connect group is there as a whole, or not at all.
@@ -186,14 +186,6 @@ pub(super) fn is_its(device: &DevicePlan, one: &SubDevice) -> bool {
     let found = &one.identity;
     is_identity(&device.identity, found.vendor_id, found.product_code)
         && device.identity.revision.is_none_or(|revision| revision == found.revision)
-}
-
-fn place(place: BusPlace) -> String {
-    match place {
-        BusPlace::Position(position) => format!("position {position}"),
-        BusPlace::Alias(alias) => format!("alias {alias}"),
-        BusPlace::Identification(number) => format!("identification {number}"),
-    }
 }
 
 /// Who must be there.

@@ -188,15 +188,14 @@ impl<C: Clock> Guide<'_, C> {
                 self.hand.tell(&format!("SubDevice {position}: {trouble}"));
                 Ok(self.again(position))
             }
-            Some(trouble) => Ok(self.again_after(position, trouble)),
+            Some(trouble) => Ok(self.again_after(position, format!("SubDevice {position}: {trouble}"))),
             None => Ok(self.seen(number, &jog)),
         }
     }
 
     /// Whether a drive is jogged again after what went wrong, which is found.
     fn again_after(&mut self, position: u16, trouble: String) -> Result<bool, Leave> {
-        let has_its_name = trouble.starts_with("SubDevice ");
-        self.tell_found(if has_its_name { trouble } else { format!("SubDevice {position}: {trouble}") });
+        self.tell_found(trouble);
         self.again(position)
     }
 

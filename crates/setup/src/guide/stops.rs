@@ -101,7 +101,10 @@ impl<C: Clock> Guide<'_, C> {
         let end = jog.end.to_string();
         let position = self.record.drives[number].position;
         let lost = if jog.end == JogEnd::Lost { self.who_lost_supply()? } else { Vec::new() };
-        self.see_as_stored(&lost)?;
+        // A stop that was seen isn't lost for it: whoever isn't there is told at the next motion.
+        if let Err(error) = self.see_as_stored(&lost) {
+            self.hand.tell(&error.to_string());
+        }
         Ok(match (jog.end, is_pressed) {
             (JogEnd::Lost, Some(true)) if lost.contains(&position) => {
                 Tried::Stopped("its drive lost its supply".to_owned())

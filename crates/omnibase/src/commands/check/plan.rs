@@ -5,21 +5,13 @@ use omnibase_ethercat::config::Timeouts;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{
-    BusPlace, Coding, DcPlan, DrivePlan, FootprintSource, InputOwner, ParameterPlan, ParameterState, PdoPlan,
+    Coding, DcPlan, DrivePlan, FootprintSource, InputOwner, ParameterPlan, ParameterState, PdoPlan,
     TorqueLimit, TorqueLimitTold,
 };
 use serde_json::{Value, json};
 use std::io::{self, Write};
 
 use super::rows::{deployment, limits, safety};
-
-fn bus_place(place: BusPlace) -> String {
-    match place {
-        BusPlace::Position(position) => format!("position {position}"),
-        BusPlace::Alias(alias) => format!("alias {alias}"),
-        BusPlace::Identification(number) => format!("identification {number}"),
-    }
-}
 
 /// How a drive is held to its torque limit: `2 N·m, told as 285 in 6072, every cycle`.
 fn torque_limit(drive: &DrivePlan) -> String {
@@ -112,7 +104,7 @@ pub fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
             degrees(wheel.rolling_direction),
             degrees(wheel.force_direction),
             wheel.radius_m,
-            bus_place(drive.place),
+            drive.place,
             drive.device
         )?;
     }
@@ -233,7 +225,7 @@ fn print_devices(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
             1 => String::new(),
             n => format!(", its process data in one of {n} cycles"),
         };
-        writeln!(output, "  {}: {}, {}{every}{group}", device.name, device.kind, bus_place(device.place))?;
+        writeln!(output, "  {}: {}, {}{every}{group}", device.name, device.kind, device.place)?;
         print_start(device.dc.as_ref(), &device.timeouts, output)?;
         print_parameters(&device.parameters, output)?;
         for input in &device.input {
@@ -272,7 +264,7 @@ pub fn json(plan: &RobotPlan) -> Value {
             "radius_m": wheel.radius_m,
             "inertia_kg_m2": described.inertia_kg_m2,
             "rotor_inertia_kg_m2": described.rotor_inertia_kg_m2,
-            "place": bus_place(drive.place),
+            "place": drive.place.to_string(),
             "device": drive.device,
             "parameters": json_parameters(&drive.parameters),
             "outputs": { "bytes": drive.output_bytes(), "objects": image(&drive.outputs) },
@@ -287,7 +279,7 @@ pub fn json(plan: &RobotPlan) -> Value {
         json!({
             "name": device.name,
             "kind": device.kind,
-            "place": bus_place(device.place),
+            "place": device.place.to_string(),
             "group": device.group,
             "every": device.every.cycles(),
             "parameters": json_parameters(&device.parameters),
