@@ -226,11 +226,10 @@ impl<L: Link, C: Clock> Bus<L, C> {
     /// everything ready for SAFE-OP. Without any configuration each SubDevice is taken as it describes itself. One that is
     /// [`SubDevice::broken`] is refused, whether it is configured or not: nobody knows who it is.
     pub fn configure(&mut self, configs: &[SubDeviceConfig]) -> Result<(), SetUpError> {
-        self.refuse_broken()?;
-        if !configs.is_empty() {
-            let configs = present(&self.subdevices, configs)?;
-            let places = find_places(&self.subdevices, &configs)?;
-            for (position, config) in places.into_iter().zip(configs) {
+        if configs.is_empty() {
+            self.refuse_broken()?;
+        } else {
+            for (position, config) in self.places(configs)? {
                 let subdevice = &mut self.subdevices[usize::from(position)];
                 subdevice.config = config.clone();
                 if config.dc != DcConfig::Off && subdevice.dc.is_none() {
@@ -240,6 +239,18 @@ impl<L: Link, C: Clock> Bus<L, C> {
             }
         }
         self.set_up(Unusable::IsError)
+    }
+
+    /// Where the SubDevices are that `configs` are for, behind [`Bus::scan`]: of those who have to be there, and of the hot-connect groups
+    /// that are. Nothing is asked of the segment; refused is what [`Bus::configure`] refuses.
+    pub fn places<'a>(
+        &self,
+        configs: &'a [SubDeviceConfig],
+    ) -> Result<Vec<(u16, &'a SubDeviceConfig)>, SetUpError> {
+        self.refuse_broken()?;
+        let configs = present(&self.subdevices, configs)?;
+        let places = find_places(&self.subdevices, &configs)?;
+        Ok(places.into_iter().zip(configs).collect())
     }
 
     /// What says of itself that it isn't right is believed in nothing else, its identity and alias neither.

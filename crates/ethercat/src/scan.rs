@@ -136,8 +136,8 @@ impl<L: Link, C: Clock> Bus<L, C> {
         Ok(())
     }
 
-    /// Counts until two counts agree.
-    fn count(&mut self) -> Result<u16, SetUpError> {
+    /// How many SubDevices answer, counted until two counts agree; an error where nobody does. They are left as they are.
+    pub fn count(&mut self) -> Result<u16, SetUpError> {
         let before = self.transactor.counters;
         let mut last = None;
         for _ in 0..COUNT_ATTEMPTS {

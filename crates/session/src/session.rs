@@ -11,6 +11,7 @@ use std::time::Duration;
 use crate::supervision::{BusFigures, DatagramFigures, Role, SubDeviceFigures, Supervisor};
 use crate::words::Words;
 use omnibase_cia402::ErrorCode;
+use omnibase_ethercat::config::SubDeviceConfig;
 use omnibase_ethercat::cyclic::{
     AcyclicCompletion, AcyclicRequest, AcyclicWork, ClockDirection, CycleCounters, CyclicBus,
     Exchange as BusExchange, Goal, Handover, TransitionOptions,
@@ -165,16 +166,12 @@ impl<L: Link, C: Clock> Session<L, C> {
     ) -> Result<Self, SessionError> {
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan()?;
-        let drives = plan.drives.iter().map(|drive| drive.subdevice_config(&plan.bus));
-        let found = bus.subdevices();
-        let absent = peripherals::absent_groups(plan, found)?;
+        let (configs, absent) = asked(plan, bus.subdevices())?;
         for group in &absent {
             warn(format!(
                 "hot-connect group `{group}` isn't plugged in: the robot runs without it, and takes it in at its next start"
             ));
         }
-        let peripherals = plan.devices.iter().map(|device| peripherals::config(device, &plan.bus, found));
-        let configs: Vec<_> = drives.chain(peripherals).collect();
         let configured = bus.configure(&configs);
         bus.warnings().iter().for_each(|warning| warn(warning.to_string()));
         configured.map_err(SessionError::of_configuration)?;
@@ -390,6 +387,20 @@ pub fn check_watchdogs<L: Link, C: Clock>(bus: &mut Bus<L, C>, plan: &BusPlan) -
         }
     }
     Ok(())
+}
+
+/// What a robot's file asks of the SubDevices that were found, and the hot-connect groups that aren't there.
+fn asked(plan: &RobotPlan, found: &[SubDevice]) -> Result<(Vec<SubDeviceConfig>, Vec<String>), SessionError> {
+    let absent = peripherals::absent_groups(plan, found)?;
+    let drives = plan.drives.iter().map(|drive| drive.subdevice_config(&plan.bus));
+    let peripherals = plan.devices.iter().map(|device| peripherals::config(device, &plan.bus, found));
+    Ok((drives.chain(peripherals).collect(), absent))
+}
+
+/// Whether a start of the robot finds everybody where its file has them, behind [`Bus::scan`]; nothing is asked of the segment.
+pub fn finds_all<L: Link, C: Clock>(bus: &Bus<L, C>, plan: &RobotPlan) -> Result<(), SessionError> {
+    let (configs, _) = asked(plan, bus.subdevices())?;
+    bus.places(&configs).map(drop).map_err(SessionError::of_configuration)
 }
 
 /// Who follows whom, where there are distributed clocks.

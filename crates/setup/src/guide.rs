@@ -303,11 +303,8 @@ impl<'a, C: Clock> Guide<'a, C> {
             let was_done = is_over && was_passed_over.is_none();
             self.hand.step(step, was_done);
             // Who was there must be there still.
-            if step == Step::Find && was_done {
-                self.compare()?;
-                if !self.are_in_their_places()? || !self.settle()? || !self.set_apart()? {
-                    return Ok(Ended::Left(None));
-                }
+            if step == Step::Find && was_done && !self.is_as_it_was()? {
+                return Ok(Ended::Left(None));
             }
             if was_done {
                 continue;
@@ -323,14 +320,14 @@ impl<'a, C: Clock> Guide<'a, C> {
                 }
             }
             let done = match step {
-                Step::Find => self.find().and_then(|()| Ok(self.settle()? && self.set_apart()?))?,
+                Step::Find => self.find()? && self.settle()?,
                 Step::Jog => self.jog_all()?,
                 Step::Enable => self.enable_all()?,
                 Step::SafeTorqueOff => self.stop_all()?,
                 Step::Parameters => self.parameters()?,
                 Step::Name => self.name_all()?,
                 Step::Brake => self.brakes()?,
-                Step::File => self.text().map(|_| true)?,
+                Step::File => self.finds_all()?,
                 Step::FirstMetre => self.first_metre()?,
                 Step::Calibration => self.calibrate()?,
             };
@@ -340,6 +337,21 @@ impl<'a, C: Clock> Guide<'a, C> {
             self.finish(step);
         }
         Ok(Ended::File(self.text()?))
+    }
+
+    /// Whoever was found is there still, where he was, and holds what he held; `false` where it is left.
+    fn is_as_it_was(&mut self) -> Result<bool, SetupError> {
+        self.compare()?;
+        if !self.is_nobody_gone()? || !self.are_in_their_places()? || !self.settle()? {
+            return Ok(false);
+        }
+        let mut bus = self.bus()?;
+        let mut drives = self.record.drives.clone();
+        self.take_back(&mut bus, &mut drives);
+        let goes_on = self.set_apart(bus.subdevices(), &mut drives)?;
+        self.record.drives = drives;
+        self.are_enough(self.record.drives.len())?;
+        Ok(goes_on)
     }
 
     fn left(&mut self) -> Result<Ended, SetupError> {

@@ -1,5 +1,7 @@
 //! What was found and done: the state that a set-up is taken up from, and the record in the end.
 
+use std::collections::BTreeMap;
+
 use serde::{Deserialize, Serialize};
 
 /// A step of the set-up, in order.
@@ -162,6 +164,12 @@ pub struct FoundDevice {
     /// Alias; `None` where it has none.
     #[serde(default)]
     pub alias: Option<u16>,
+    /// It is found by its position, whatever alias it has: another has it, too, or may have it.
+    #[serde(default)]
+    pub is_by_position: bool,
+    /// It is a drive that turns no wheel because somebody said so.
+    #[serde(default)]
+    pub is_apart_by_word: bool,
 }
 
 impl FoundDevice {
@@ -231,8 +239,19 @@ pub struct Record {
     pub takes_calibration: bool,
     /// What was seen that isn't as the file had it, in words.
     pub findings: Vec<String>,
+    /// Which of these count until somebody looks again, by what they are of.
+    #[serde(default)]
+    pub standing: BTreeMap<String, Vec<String>>,
     /// What was done, in order, in words.
     pub log: Vec<String>,
+}
+
+/// What of findings jogs left in drives.
+pub(crate) const LEFT: &str = "left";
+
+/// What of findings is of a step, for one wheel or the whole robot.
+fn tried(step: Step, wheel: Option<&str>) -> String {
+    format!("{}, {}", step.words(), wheel.unwrap_or("the robot"))
 }
 
 impl Record {
@@ -252,18 +271,31 @@ impl Record {
         for one in std::mem::take(&mut self.passed_over) {
             self.findings.retain(|text| *text != one.why);
         }
+        let looked_at: Vec<String> = self.standing.keys().filter(|what| *what != LEFT).cloned().collect();
+        looked_at.iter().for_each(|what| self.found_of(what, Vec::new()));
     }
 
     /// Somebody goes on without a step, for one wheel or the whole robot; `why` is found.
     pub fn pass_over(&mut self, step: Step, wheel: Option<&str>, why: impl Into<String>) {
-        self.make_good(step, wheel);
+        self.take_up(step, wheel);
         let (wheel, why) = (wheel.map(str::to_owned), why.into());
         self.found(&why);
         self.passed_over.push(PassedOver { step, wheel, why });
     }
 
-    /// What was passed over is done by now: it is found no more.
+    /// A step failed, for one wheel or the whole robot: that is found until it is done.
+    pub fn failed(&mut self, step: Step, wheel: Option<&str>, text: impl Into<String>) {
+        self.found_of(&tried(step, wheel), vec![text.into()]);
+    }
+
+    /// What failed, or was passed over, is done by now: it is found no more.
     pub fn make_good(&mut self, step: Step, wheel: Option<&str>) {
+        self.take_up(step, wheel);
+        self.found_of(&tried(step, wheel), Vec::new());
+    }
+
+    /// What was passed over isn't any more.
+    fn take_up(&mut self, step: Step, wheel: Option<&str>) {
         for one in self.passed_over.extract_if(.., |one| one.step == step && one.wheel.as_deref() == wheel) {
             self.findings.retain(|text| *text != one.why);
         }
@@ -287,6 +319,18 @@ impl Record {
     /// Notes something that was done.
     pub fn note(&mut self, text: impl Into<String>) {
         self.log.push(text.into());
+    }
+
+    /// Notes what of something isn't as it should be by now: what was found of it before counts no more.
+    pub fn found_of(&mut self, what: &str, texts: Vec<String>) {
+        let before = self.standing.insert(what.to_owned(), texts.clone()).unwrap_or_default();
+        self.findings.retain(|text| !before.contains(text));
+        texts.into_iter().for_each(|text| self.found(text));
+    }
+
+    /// Whether something isn't as it should be by the last look at it.
+    pub(crate) fn has_found(&self, what: &str) -> bool {
+        self.standing.get(what).is_some_and(|texts| !texts.is_empty())
     }
 
     /// Notes something that isn't as it should be; what was found before is none the more so.

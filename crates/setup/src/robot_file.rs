@@ -5,7 +5,7 @@ use omnibase_robot::config::{Problem, RobotPlan};
 use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value, value};
 
 use crate::guide::is_product;
-use crate::record::{FoundDrive, Record, Turned};
+use crate::record::{FoundDevice, FoundDrive, Record, Turned};
 
 /// Keys of a drive that a set-up finds out; others stay as they were written.
 const FOUND: [&str; 9] = [
@@ -56,7 +56,8 @@ pub fn write(base: &str, record: &Record, registry: &Registry) -> Result<String,
     document.insert("drive", Item::ArrayOfTables(tables));
     leave_alone(&mut document, &plan, record);
     let text = document.to_string();
-    self::plan(&text, registry)?;
+    // Nobody has its lines.
+    checked(&text, registry, |problem| Problem { place: None, ..problem.clone() }.to_string())?;
     Ok(text)
 }
 
@@ -64,8 +65,9 @@ pub fn write(base: &str, record: &Record, registry: &Registry) -> Result<String,
 fn leave_alone(document: &mut DocumentMut, plan: &RobotPlan, record: &Record) {
     let idle = record.drives.iter().filter(|drive| drive.wheel.is_none());
     let idle = idle.map(|drive| (drive.position, drive.alias, drive.vendor_id, drive.product_code));
+    let own_alias = |one: &FoundDevice| one.alias.filter(|_| !one.is_by_position);
     let others = record.others.iter().filter(|one| one.name.is_none());
-    let others = others.map(|one| (one.position, one.alias, one.vendor_id, one.product_code));
+    let others = others.map(|one| (one.position, own_alias(one), one.vendor_id, one.product_code));
     // Positions shift with hot-connect groups.
     let has_groups = plan.devices.iter().any(|one| one.group.is_some());
     let mut tables = ArrayOfTables::new();
@@ -100,9 +102,17 @@ fn leave_alone(document: &mut DocumentMut, plan: &RobotPlan, record: &Record) {
 
 /// The plan of a file that needs no other one.
 pub fn plan(text: &str, registry: &Registry) -> Result<RobotPlan, RobotFileError> {
+    checked(text, registry, ToString::to_string)
+}
+
+fn checked(
+    text: &str,
+    registry: &Registry,
+    words: impl Fn(&Problem) -> String,
+) -> Result<RobotPlan, RobotFileError> {
     let none = |name: &str| Err(format!("`{name}`: a file for a set-up stands alone"));
-    let words = |problems: Vec<Problem>| problems.iter().map(ToString::to_string).collect();
-    RobotPlan::from_toml(text, registry, &none).map_err(|problems| RobotFileError::Problems(words(problems)))
+    RobotPlan::from_toml(text, registry, &none)
+        .map_err(|problems| RobotFileError::Problems(problems.iter().map(words).collect()))
 }
 
 fn table(name: &str, drive: &FoundDrive, written: Option<&Table>) -> Table {
@@ -153,8 +163,9 @@ fn table(name: &str, drive: &FoundDrive, written: Option<&Table>) -> Table {
 
 #[cfg(test)]
 mod tests {
+    use omnibase_robot::config::BusPlace;
+
     use super::*;
-    use crate::record::FoundDevice;
 
     const BASE: &str = include_str!("../../../robots/bmm.toml");
 
@@ -195,7 +206,7 @@ mod tests {
         let rated: Vec<f64> = plan.drives.iter().map(|drive| drive.scale.rated_torque_nm).collect();
         assert_eq!(rated, [2.0, 7.0, 2.0], "{text}");
         let alone: Vec<_> = plan.devices.iter().map(|device| (device.kind.as_str(), device.place)).collect();
-        let at = omnibase_robot::config::BusPlace::Position;
+        let at = BusPlace::Position;
         assert_eq!(alone, [("ignore", at(0)), ("ignore", at(4))], "{text}");
         // Whom the file has named already isn't named again, however its tables are written.
         let named = FoundDevice { name: Some("io".to_owned()), position: 5, ..FoundDevice::default() };
@@ -216,11 +227,14 @@ mod tests {
         // Positions shift with a hot-connect group.
         let grouped =
             format!("{base}\n[[device]]\nname = \"arm\"\nalias = 77\nkind = \"ignore\"\ngroup = \"arm\"\n");
-        let others = vec![FoundDevice { alias: Some(9), position: 4, ..FoundDevice::default() }];
-        let drives = record.drives[..3].to_vec();
-        let text =
-            write(&grouped, &Record { drives, others, ..Record::default() }, &Registry::with_built_in());
-        let plan = self::plan(&text.unwrap(), &Registry::with_built_in()).unwrap();
-        assert_eq!(plan.devices[1].place, omnibase_robot::config::BusPlace::Alias(9));
+        for (is_by_position, place) in [(false, BusPlace::Alias(9)), (true, BusPlace::Position(0))] {
+            let others =
+                vec![FoundDevice { alias: Some(9), is_by_position, position: 0, ..FoundDevice::default() }];
+            let drives = record.drives[..3].to_vec();
+            let text =
+                write(&grouped, &Record { drives, others, ..Record::default() }, &Registry::with_built_in());
+            let plan = self::plan(&text.unwrap(), &Registry::with_built_in()).unwrap();
+            assert_eq!(plan.devices[1].place, place);
+        }
     }
 }

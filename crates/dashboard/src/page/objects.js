@@ -50,7 +50,9 @@ export class Objects {
   /** The first time asks who is there. */
   async open() {
     if (this.of.length) return this.show();
+    const turn = ++this.turn;
     const { done, text, data } = await this.ask({ do: "scan" });
+    if (turn !== this.turn) return;
     if (!done) return this.say(text);
     for (const { position, name, drive } of data.subdevices) {
       this.of.append(new Option(`${position} ${drive || name}`, position));
@@ -87,13 +89,15 @@ export class Objects {
     const summary = document.createElement("summary"), entries = document.createElement("ul");
     summary.textContent = `${hex(index, 4)} ${done ? data.name : text}`;
     details.append(summary, entries);
+    let turn = 0;
     details.addEventListener("toggle", async () => {
+      const mine = ++turn;
       if (!details.open || !done) return;
       entries.replaceChildren();
       const last = data.object_code === VARIABLE ? 0 : data.max_subindex;
-      for (let subindex = 0; subindex <= last && details.open && details.isConnected; subindex++) {
+      for (let subindex = 0; subindex <= last && mine === turn && details.isConnected; subindex++) {
         const entry = await this.entry(subdevice, `${hex(index, 4)}:${hex(subindex, 2)}`);
-        if (entry) entries.append(Object.assign(document.createElement("li"), { textContent: entry }));
+        if (entry && mine === turn) entries.append(Object.assign(document.createElement("li"), { textContent: entry }));
       }
     });
     item.append(details);

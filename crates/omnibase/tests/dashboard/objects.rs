@@ -44,6 +44,17 @@ fn objects_are_browsed_with_names_types_and_values() {
             // Where something is allowed in some states only, they stand there.
             && says(page, "1600", 1, "/^1600:01 rw .* u32 \\(written in PRE-OP only\\) = \\d+$/")
     });
+    // Closed and opened while it is asked for, an object has each entry once.
+    let identity = object("1018");
+    until(&mut page, "each entry stands there once", |page| {
+        page.value(&format!(
+            "[true, false, true].reduce((before, open) => before.then(() => new Promise((go) => {{ {identity}.open = open; \
+             setTimeout(() => go(true), 5); }})), Promise.resolve())"
+        ));
+        page.is_true_within(&format!("{identity}.querySelectorAll('li').length === 5"), HIT)
+            && page.value(&format!("{identity}.querySelectorAll('li')[4].textContent.startsWith('1018:04')"))
+                == true
+    });
     // Another SubDevice, and its own objects.
     page.value("void (document.querySelector('#objects select').selectedIndex = 2)");
     until(&mut page, "so has another one", |page| {

@@ -4,29 +4,41 @@ use std::fmt::Write as _;
 
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::Clock;
-use omnibase_robot::config::{BusPlace, DevicePlan};
+use omnibase_robot::config::{BusPlace, DevicePlan, DrivePlan};
 
-use super::{Guide, Leave, SetupError, is_identity, is_product, seen, who};
+use super::{AnyBus, Guide, Leave, SetupError, has_its_numbers, is_identity, is_product, seen, who};
 use crate::record::{FoundDevice, FoundDrive, Step};
 
+/// What of findings wheels have no drive.
+pub(super) const UNDRIVEN: &str = "undriven";
+
 impl<C: Clock> Guide<'_, C> {
-    /// Sets apart who turns no wheel: by the robot's file, and by what somebody says where that can't tell. `false` where he leaves;
-    /// an error where the file's devices aren't where it has them.
-    pub(super) fn set_apart(&mut self) -> Result<bool, SetupError> {
-        let bus = self.scanned()?;
-        let places = places(&self.plan.devices, bus.subdevices()).map_err(SetupError::Devices)?;
+    /// Takes from `drives` who turns no wheel: by the robot's file, and by what somebody says where that can't tell. `false` where he
+    /// leaves; an error where the file's devices aren't where it has them. Nothing is written into who isn't among the drives.
+    pub(super) fn set_apart(
+        &mut self,
+        on_bus: &[SubDevice],
+        drives: &mut Vec<FoundDrive>,
+    ) -> Result<bool, SetupError> {
+        let places = places(&self.plan.devices, on_bus).map_err(SetupError::Devices)?;
         let places: Vec<(u16, String, String)> =
             places.into_iter().map(|(at, one)| (at, one.name.clone(), one.kind.clone())).collect();
-        for drive in self.record.drives.clone() {
+        for drive in drives.clone() {
             let Some((_, name, kind)) = places.iter().find(|(at, ..)| *at == drive.position) else {
                 continue;
             };
             let what = if kind == "axis" { "an axis".to_owned() } else { format!("kind `{kind}`") };
-            self.leave_alone(&drive, &format!("is `{name}` of the file, {what}"));
+            self.leave_alone(drives, &drive, &format!("is `{name}` of the file, {what}"));
         }
-        for drive in self.unclear() {
+        let was_apart = |drive: &FoundDrive| {
+            self.record.others.iter().any(|one| one.is_apart_by_word && one.position == drive.position)
+        };
+        // Who isn't among the drives any more was set apart before.
+        let mut said: Vec<FoundDrive> = on_bus.iter().map(seen).filter(was_apart).collect();
+        said.retain(|one| drives.iter().all(|drive| drive.position != one.position));
+        for drive in self.unclear(drives) {
             // Nobody else may be left over by now.
-            if !self.unclear().contains(&drive) {
+            if !self.unclear(drives).contains(&drive) {
                 continue;
             }
             let text = format!(
@@ -35,20 +47,24 @@ impl<C: Clock> Guide<'_, C> {
                 drive.position,
                 drive.name,
                 who(&drive),
-                self.record.drives.len(),
+                drives.len(),
                 self.plan.drives.len()
             );
             let choices = ["wheel", "no wheel"].map(str::to_owned);
             match self.choose(format!("role {}", drive.position), text, &choices) {
                 Err(Leave) => return Ok(false),
                 Ok(said) if said == choices[0] => {}
-                Ok(_) => self.leave_alone(&drive, "turns no wheel, as was said"),
+                Ok(_) => {
+                    self.leave_alone(drives, &drive, "turns no wheel, as was said");
+                    said.push(drive);
+                }
             }
         }
-        let drives = &self.record.drives;
-        let others =
-            bus.subdevices().iter().filter(|one| drives.iter().all(|drive| drive.position != one.position));
+        let others = on_bus.iter().filter(|one| drives.iter().all(|drive| drive.position != one.position));
+        let by_word: Vec<u16> = said.iter().map(|one| one.position).collect();
         let others = others.map(|one| FoundDevice {
+            is_by_position: !self.is_found_anywhere(one, on_bus),
+            is_apart_by_word: by_word.contains(&one.position),
             name: places.iter().find(|(at, ..)| *at == one.position).map(|(_, name, _)| name.clone()),
             position: one.position,
             vendor_id: one.identity.vendor_id,
@@ -57,16 +73,65 @@ impl<C: Clock> Guide<'_, C> {
             alias: one.alias,
         });
         self.record.others = others.collect();
-        let has_groups = self.plan.devices.iter().any(|device| device.group.is_some());
-        let is_nowhere = |one: &&FoundDevice| one.name.is_none() && one.alias.is_none();
-        if let Some(one) = self.record.others.iter().find(is_nowhere).filter(|_| has_groups) {
+        // Behind a group that is plugged in a position tells nobody; without an alias of its own it is known by its position alone.
+        let is_group = |name: &String| {
+            self.plan.devices.iter().any(|device| device.name == *name && device.group.is_some())
+        };
+        let grouped = self.record.others.iter().filter(|one| one.name.as_ref().is_some_and(is_group));
+        let first = grouped.map(|one| one.position).min().unwrap_or(u16::MAX);
+        let is_lost = |one: &&FoundDevice| one.name.is_none() && one.is_by_position && one.position > first;
+        if let Some(one) = self.record.others.iter().find(is_lost) {
             return Err(SetupError::Devices(format!(
-                "SubDevice {} is in no table of the file, and places by position shift with its hot-connect groups: give it an alias, or name it \
-                 in the file",
+                "SubDevice {} is in no table of the file, and its position shifts with the hot-connect group in front of it: give it an alias \
+                 that nobody else has, plug it in before the group, or name it in the file",
                 one.position
             )));
         }
-        self.are_enough(self.record.drives.len())?;
+        Ok(true)
+    }
+
+    /// Whether its alias tells it from everybody, and from who isn't there.
+    fn is_found_anywhere(&self, one: &SubDevice, on_bus: &[SubDevice]) -> bool {
+        one.alias.is_some_and(|alias| {
+            let mut places = self.plan.devices.iter().map(|device| device.place);
+            on_bus.iter().filter(|other| other.claims_alias(alias)).count() == 1
+                && places.all(|place| place != BusPlace::Alias(alias))
+        })
+    }
+
+    /// Adds to `drives` who turns no wheel because somebody said so, where some wheel has no drive: that may have been a mistake.
+    pub(super) fn take_back(&self, bus: &mut AnyBus<C>, drives: &mut Vec<FoundDrive>) {
+        if drives.len() >= self.plan.drives.len() && !self.record.has_found(UNDRIVEN) {
+            return;
+        }
+        let is_apart = |one: &FoundDrive| {
+            self.record.others.iter().any(|other| other.is_apart_by_word && other.position == one.position)
+        };
+        drives.extend(self.drives_on(bus).into_iter().filter(is_apart));
+        drives.sort_by_key(|one| one.position);
+    }
+
+    /// Whoever was there and is in no table of the file is there still, or gone for good: the file would do without him. `false` where
+    /// it is left.
+    pub(super) fn is_nobody_gone(&mut self) -> Result<bool, SetupError> {
+        let mut there: Vec<FoundDrive> = self.scanned()?.subdevices().iter().map(seen).collect();
+        there.retain(|one| self.record.drives.iter().all(|drive| drive.position != one.position));
+        for one in self.record.others.clone().into_iter().filter(|one| one.name.is_none()) {
+            if let Some(at) = there.iter().position(|now| has_its_numbers(&one.as_drive(), now)) {
+                there.remove(at);
+                continue;
+            }
+            let text = format!(
+                "SubDevice {} ({}) was on the bus and isn't: is it gone for good, so that the file does without it? Else leave, plug and power \
+                 it as it was, and take the set-up up again",
+                one.position,
+                who(&one.as_drive())
+            );
+            if self.choose(format!("gone {}", one.position), text, &["gone".to_owned()]).is_err() {
+                return Ok(false);
+            }
+            self.record.note(format!("SubDevice {} is gone for good, as was said", one.position));
+        }
         Ok(true)
     }
 
@@ -77,11 +142,11 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// A drive that isn't turned here: whatever was seen of it counts no more.
-    fn leave_alone(&mut self, drive: &FoundDrive, why: &str) {
+    fn leave_alone(&mut self, drives: &mut Vec<FoundDrive>, drive: &FoundDrive, why: &str) {
         let text = format!("SubDevice {} {why}: not turned here", drive.position);
         self.hand.tell(&text);
         self.record.note(text);
-        self.record.drives.retain(|one| one.position != drive.position);
+        drives.retain(|one| one.position != drive.position);
         if let Some(wheel) = &drive.wheel {
             self.tell_found(format!(
                 "SubDevice {} was seen to turn {wheel}, and {why}: that counts no more",
@@ -94,9 +159,9 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Drives of which nobody knows whether they turn a wheel: one of too many, or of another product than wheels have by the file
     /// where not all are alike.
-    fn unclear(&self) -> Vec<FoundDrive> {
-        let drives = &self.record.drives;
-        if self.has_every_wheel_one() {
+    fn unclear(&self, drives: &[FoundDrive]) -> Vec<FoundDrive> {
+        let is_seen = |plan: &DrivePlan| drives.iter().any(|one| one.wheel.as_ref() == Some(&plan.name));
+        if self.plan.drives.iter().all(is_seen) {
             return Vec::new();
         }
         let product = |one: &FoundDrive| (one.vendor_id, one.product_code);

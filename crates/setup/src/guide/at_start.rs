@@ -91,6 +91,11 @@ impl AtStart {
         self
     }
 
+    /// Whether it writes this there.
+    pub(super) fn writes(&self, object: ObjectAddress, bytes: &[u8]) -> bool {
+        self.sdos().any(|sdo| sdo.object == object && sdo.data == bytes)
+    }
+
     fn sdos(&self) -> impl Iterator<Item = &SdoWrite> {
         self.config.sdos.iter().chain(&self.config.safe_op_sdos)
     }

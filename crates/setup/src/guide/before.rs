@@ -6,10 +6,10 @@ use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::wire::Clock;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 
-use super::at_start::JOG_WRITES;
+use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE};
 use super::reading::{held, number};
 use super::{AnyBus, Guide, Leave, SetupError, has_its_numbers, is_it, seen, who};
-use crate::record::{FoundDevice, FoundDrive, Record};
+use crate::record::{FoundDevice, FoundDrive, LEFT, Record};
 
 impl<C: Clock> Guide<'_, C> {
     /// Whether this may be another drive by now, of which something else is known, and nobody said that it isn't.
@@ -22,6 +22,7 @@ impl<C: Clock> Guide<'_, C> {
     /// What jogs wrote over is as it was found; of whom it isn't, that is told and stays remembered.
     pub(super) fn put_back(&mut self, bus: &mut AnyBus<C>) {
         let mut failed: Vec<(FoundDrive, String)> = Vec::new();
+        let mut written_over = Vec::new();
         let mut fail = |drive: &FoundDrive, words| failed.push((drive.clone(), words));
         for drive in &self.record.drives {
             let now = bus.subdevices().get(usize::from(drive.position)).map(seen);
@@ -48,20 +49,24 @@ impl<C: Clock> Guide<'_, C> {
             }
             for (index, subindex, was) in &drive.was {
                 let object = ObjectAddress::new(*index, *subindex);
-                let is_so =
-                    bus.sdo_read(drive.position, object, SdoAccess::Entry).is_ok_and(|bytes| bytes == *was);
-                if is_so {
+                let now = bus.sdo_read(drive.position, object, SdoAccess::Entry).ok();
+                if now.as_ref() == Some(was) {
                     continue;
                 }
-                if let Err(error) = bus.sdo_write(drive.position, object, was) {
-                    let was = number(was);
+                let (position, before) = (drive.position, number(was));
+                if let Err(error) = bus.sdo_write(position, object, was) {
                     fail(
                         drive,
                         format!(
-                            "SubDevice {}: {object} was {was}, and can't be put back: {error}",
-                            drive.position
+                            "SubDevice {position}: {object} was {before}, and can't be put back: {error}"
                         ),
                     );
+                } else if let Some(now) = now.filter(|now| !self.is_of_jog(drive, object, now)) {
+                    written_over.push(format!(
+                        "SubDevice {position}: {object} was {}, which no jog wrote, and is {before} again, as before it was jogged: who set it \
+                         since sets it again",
+                        number(&now)
+                    ));
                 }
             }
         }
@@ -99,7 +104,21 @@ impl<C: Clock> Guide<'_, C> {
             }
         }
         self.record.jogged.retain(|one| failed.iter().any(|(drive, _)| has_its_numbers(drive, one)));
-        failed.into_iter().for_each(|(_, text)| self.tell_found(text));
+        written_over.into_iter().for_each(|text| self.tell_found(text));
+        self.tell_found_of(LEFT, failed.into_iter().map(|(_, text)| text).collect());
+    }
+
+    /// Whether a jog may have written this: its limit, or none by whoever maps it; what it writes itself otherwise; what the file asks.
+    fn is_of_jog(&self, drive: &FoundDrive, object: ObjectAddress, bytes: &[u8]) -> bool {
+        match (object.index, object.subindex) {
+            (MAX_TORQUE, 0) => {
+                [0, self.wished.torque_per_mille].iter().any(|limit| limit.to_le_bytes() == bytes)
+            }
+            other => {
+                JOG_WRITES.contains(&other)
+                    || AtStart::of_drive(&self.plan, &self.plan.bus, drive).writes(object, bytes)
+            }
+        }
     }
 
     /// Whether the drives on the bus are those of the robot in which a jog was cut off: what that one's held mustn't get into another's.
@@ -139,6 +158,9 @@ impl<C: Clock> Guide<'_, C> {
             }
             asked.push(one);
         }
+        if self.record.jogged.is_empty() {
+            self.record.found_of(LEFT, Vec::new());
+        }
         Ok(true)
     }
 
@@ -163,9 +185,10 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Says why nothing is put back.
     pub(super) fn tell_left(&mut self, error: &SetupError) {
-        self.tell_found(format!(
+        let text = format!(
             "max torque, mode and synchronisation of the drives are as the last jog left them: {error}"
-        ));
+        );
+        self.tell_found_of(LEFT, vec![text]);
     }
 
     /// Why what a drive holds now isn't stored in it: something of it may be what a jog left there.

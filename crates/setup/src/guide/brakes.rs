@@ -67,7 +67,8 @@ impl<C: Clock> Guide<'_, C> {
             return Ok(Err(Leave));
         }
         if jog.end != JogEnd::Longest {
-            self.record.found(format!("{wheel}: its brake wasn't opened for {ENABLED_S} s: {}", jog.end));
+            let why = format!("{wheel}: its brake wasn't opened for {ENABLED_S} s: {}", jog.end);
+            self.record.failed(Step::Brake, Some(wheel), why);
             return Ok(Ok(false));
         }
         let choices = ["yes", "no"].map(str::to_owned);
@@ -75,7 +76,8 @@ impl<C: Clock> Guide<'_, C> {
         match self.choose(format!("opened {number}"), text, &choices) {
             Ok(choice) if choice == "yes" => {}
             Ok(_) => {
-                self.record.found(format!("{wheel}: its brake wasn't heard to open and close"));
+                let why = format!("{wheel}: its brake wasn't heard to open and close");
+                self.record.failed(Step::Brake, Some(wheel), why);
                 return Ok(Ok(false));
             }
             Err(Leave) => return Ok(Err(Leave)),
@@ -85,16 +87,18 @@ impl<C: Clock> Guide<'_, C> {
             return Ok(Err(Leave));
         }
         let Some(span) = self.watch(number, PUSHED_S)? else {
-            self.tell_found(format!(
+            let why = format!(
                 "{wheel}: frames were lost while it was pushed, so nobody saw whether its brake holds: look at the cables"
-            ));
+            );
+            self.hand.tell(&why);
+            self.record.failed(Step::Brake, Some(wheel), why);
             return Ok(Ok(false));
         };
         let turns = span as f64 / self.record.drives[number].seen_counts.unwrap_or(1.0);
         let text = format!("{wheel}: pushed by hand with its brake closed it gave by {turns:.4} turns");
         self.hand.tell(&text);
         if turns > PLAY_TURNS {
-            self.record.found(text);
+            self.record.failed(Step::Brake, Some(wheel), text);
             return Ok(Ok(false));
         }
         self.record.note(text);

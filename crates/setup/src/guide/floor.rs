@@ -273,7 +273,8 @@ impl<C: Clock> Guide<'_, C> {
                 match self.choose(format!("drive {}", way.name), text, &choices) {
                     Ok(choice) if choice == "again" => continue,
                     Ok(_) => {
-                        self.record.found(format!("{}: not driven to its end: {}", way.name, drive.words));
+                        let text = format!("{}: not driven to its end: {}", way.name, drive.words);
+                        self.record.found_of(way.name, vec![text]);
                         return Ok(Ok(false));
                     }
                     Err(Leave) => return Ok(Err(Leave)),
@@ -285,8 +286,10 @@ impl<C: Clock> Guide<'_, C> {
                 Ok(Some(leg)) => {
                     self.record.legs.retain(|other| other.name != leg.name);
                     self.record.legs.push(leg);
-                    if *way == WAYS[0] {
+                    self.record.found_of(way.name, Vec::new());
+                    if *way == WAYS[0] && self.record.passed_over_of(Step::FirstMetre).is_some() {
                         self.record.make_good(Step::FirstMetre, None);
+                        self.record.note(format!("done: {}", Step::FirstMetre.words()));
                     }
                     self.kept();
                     return Ok(Ok(true));
@@ -310,8 +313,7 @@ impl<C: Clock> Guide<'_, C> {
                 "{}: it went {seen} where {expected} was told: its wheels' places or order in `platform` aren't as they are on the robot",
                 way.name
             );
-            self.hand.tell(&text);
-            self.record.found(text);
+            self.tell_found_of(way.name, vec![text]);
             let text =
                 "drive it again; or leave, put the file that you began with right, and begin anew".to_owned();
             self.choose(format!("wrong {}", way.name), text, &["again".to_owned()])?;
@@ -341,12 +343,12 @@ impl<C: Clock> Guide<'_, C> {
             self.choose(format!("wrong {}", way.name), "drive it again?".to_owned(), &["again".to_owned()])?;
             return Ok(None);
         }
-        if (share - 1.0).abs() > USUAL_SHARE {
-            self.record.found(format!(
-                "{}: by the tape it went {share:.3} of what its wheels say: radius of the wheels, or gear, aren't as the file has them",
-                way.name
-            ));
-        }
+        let text = format!(
+            "{}: by the tape it went {share:.3} of what its wheels say: radius of the wheels, or gear, aren't as the file has them",
+            way.name
+        );
+        let is_unusual = (share - 1.0).abs() > USUAL_SHARE;
+        self.record.found_of(&format!("tape {}", way.name), Vec::from_iter(is_unusual.then_some(text)));
         Ok(Some(leg))
     }
 
@@ -355,7 +357,13 @@ impl<C: Clock> Guide<'_, C> {
         let registry = Registry::with_built_in();
         let plan = robot_file::plan(&self.text()?, &registry)?;
         // Whoever carried it to the floor may have switched it off, and plugged it otherwise: the file knows no serial numbers.
-        drop(self.scanned()?);
+        let mut bus = self.bus()?;
+        self.are_those_found(&bus)?;
+        // A jog since left its limits in them.
+        if !self.record.jogged.is_empty() {
+            self.put_back(&mut bus);
+        }
+        drop(bus);
         let (link, clock) = (self.open)().map_err(SetupError::Open)?;
         let mut warnings = Vec::new();
         let mut session = Session::prepare(link, clock, &plan, &mut |words| warnings.push(words))

@@ -2,6 +2,7 @@
 
 use omnibase_ethercat::wire::Clock;
 
+use super::apart::UNDRIVEN;
 use super::{ATTEMPTS, Guide, Leave, SetupError, in_words};
 use crate::jog::{Jog, JogEnd, JogPlan, astray};
 use crate::record::{FoundDrive, Step, Turned};
@@ -19,6 +20,11 @@ const GEARS: [f64; 2] = [1e-3, 1e5];
 const COUNTS: [f64; 2] = [1.0, 4_294_967_295.0];
 /// A drive that is enabled without being told a speed may creep by so much of a wheel's turn.
 const CREEP_TURNS: f64 = 0.005;
+
+/// What of findings is of a jog.
+fn jogged(position: u16) -> String {
+    format!("jog of {position}")
+}
 
 /// What a drive does while the key is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,12 +153,22 @@ impl<C: Clock> Guide<'_, C> {
         self.wheels().into_iter().find(|name| !has(name))
     }
 
-    fn has_every_wheel_a_drive(&mut self) -> bool {
-        let Some(name) = self.without_drive() else { return true };
-        self.record.found(format!("no drive was seen to turn {name}"));
-        self.hand
-            .tell(&format!("no drive was seen to turn {name}: look at its cables and its drive, then go on"));
-        false
+    pub(super) fn has_every_wheel_a_drive(&mut self) -> bool {
+        let name = self.without_drive();
+        let text = name.iter().map(|name| format!("no drive was seen to turn {name}")).collect();
+        self.record.found_of(UNDRIVEN, text);
+        if let Some(name) = &name {
+            let is_by_word = self.record.others.iter().any(|one| one.is_apart_by_word);
+            let or = if is_by_word {
+                "; or it is one that was said to turn none: that is asked again then"
+            } else {
+                ""
+            };
+            self.hand.tell(&format!(
+                "no drive was seen to turn {name}: look at its cables and its drive, then go on{or}"
+            ));
+        }
+        name.is_none()
     }
 
     fn wheels(&self) -> Vec<String> {
@@ -195,7 +211,7 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Whether a drive is jogged again after what went wrong, which is found.
     fn again_after(&mut self, position: u16, trouble: String) -> Result<bool, Leave> {
-        self.tell_found(trouble);
+        self.tell_found_of(&jogged(position), vec![trouble]);
         self.again(position)
     }
 
@@ -214,7 +230,8 @@ impl<C: Clock> Guide<'_, C> {
         match wheel.as_str() {
             "again" => return Ok(true),
             "none" => {
-                self.record.found(format!("SubDevice {position}: no wheel was seen to turn"));
+                let text = format!("SubDevice {position}: no wheel was seen to turn");
+                self.record.found_of(&jogged(position), vec![text]);
                 let choices = ["again", "leave it out"].map(str::to_owned);
                 let text = "jog it again, or leave it out (it drives no wheel)?".to_owned();
                 return Ok(self.choose(format!("again {position}"), text, &choices)? == "again");
@@ -225,8 +242,7 @@ impl<C: Clock> Guide<'_, C> {
             let text = format!(
                 "SubDevice {position}: {wheel} was seen to turn, but its position (0x6064) didn't change"
             );
-            self.hand.tell(&text);
-            self.record.found(text);
+            self.tell_found_of(&jogged(position), vec![text]);
             let choices = ["again", "leave it out"].map(str::to_owned);
             let text = "look at its encoder; jog it again, or leave it out for now?".to_owned();
             return Ok(self.choose(format!("again {position}"), text, &choices)? == "again");
@@ -252,6 +268,7 @@ impl<C: Clock> Guide<'_, C> {
         drive.counts_per_revolution = Some(counts_per_revolution);
         drive.gear_ratio = Some(gear_ratio);
         drive.wheel = Some(wheel.clone());
+        self.record.found_of(&jogged(position), Vec::new());
         self.compare_with_file(number, &wheel);
         self.kept();
         Ok(true)
@@ -265,14 +282,19 @@ impl<C: Clock> Guide<'_, C> {
             drive.told_counts.unwrap_or(f64::from(scale.counts_per_revolution)),
             drive.told_gear.unwrap_or(scale.gear_ratio),
         );
+        let counts_of = format!("counts of {wheel}");
+        self.record.found_of(&counts_of, Vec::new());
         if is_seen_as(told.0 * told.1, seen_counts) {
             return Ok((told.0.round() as u32, told.1));
         }
         let position = drive.position;
-        self.record.found(format!(
+        let text = format!(
             "{wheel}: {seen_counts:.0} counts per turn were seen, {:.0} were expected ({} of the motor, gear {})",
-            told.0 * told.1, told.0, told.1
-        ));
+            told.0 * told.1,
+            told.0,
+            told.1
+        );
+        self.record.found_of(&counts_of, vec![text]);
         for _ in 0..ATTEMPTS {
             let text = format!(
                 "{wheel} has {seen_counts:.0} counts per turn where {:.0} were expected. How many turns of the motor make one of the wheel (the gear's plate)?",
@@ -315,10 +337,7 @@ impl<C: Clock> Guide<'_, C> {
         if drive.turned != Some(of_file) {
             differs.push(format!("{wheel}: it turns the other way than the file says"));
         }
-        for text in differs {
-            self.hand.tell(&text);
-            self.record.found(text);
-        }
+        self.tell_found_of(wheel, differs);
     }
 
     /// Each wheel's drive enabled without moving; `false` where it is left.
@@ -342,11 +361,15 @@ impl<C: Clock> Guide<'_, C> {
                         break;
                     }
                     JogEnd::Gone => return Ok(false),
-                    JogEnd::Longest => self
-                        .record
-                        .found(format!("{wheel}: enabled without a speed it moved {turns:.3} turns")),
+                    JogEnd::Longest => {
+                        let why = format!("{wheel}: enabled without a speed it moved {turns:.3} turns");
+                        self.record.failed(Step::Enable, Some(&wheel), why);
+                    }
                     end if end.is_untried() => {}
-                    end => self.record.found(format!("{wheel}: enabling it: {end}")),
+                    end => {
+                        let why = format!("{wheel}: enabling it: {end}");
+                        self.record.failed(Step::Enable, Some(&wheel), why);
+                    }
                 }
                 let text =
                     format!("{wheel} wasn't enabled for {ENABLED_S} s at rest: again, or go on without?");

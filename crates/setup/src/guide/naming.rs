@@ -3,9 +3,17 @@
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::Clock;
 use omnibase_ethercat::{Bus, BusOptions};
+use omnibase_robot::Registry;
 use omnibase_robot::config::BusPlace;
+use omnibase_session::session::finds_all;
 
 use super::{ATTEMPTS, AnyBus, Guide, Leave, SetupError, in_words};
+use crate::robot_file::{self, RobotFileError};
+
+/// What of findings is of how a wheel's drive is found.
+fn name_of(wheel: &str) -> String {
+    format!("name of {wheel}")
+}
 
 impl<C: Clock> Guide<'_, C> {
     /// The segment in INIT, everybody looked at.
@@ -17,13 +25,42 @@ impl<C: Clock> Guide<'_, C> {
         Ok(bus)
     }
 
-    /// A name for each wheel's drive; `false` where it is left. What is written counts once the drives were switched off and on.
+    /// A name for each wheel's drive by which a start of the robot finds it; `false` where it is left.
     pub(super) fn name_all(&mut self) -> Result<bool, SetupError> {
+        for _ in 0..ATTEMPTS {
+            if !self.name_each()? {
+                return Ok(false);
+            }
+            if self.finds_all()? {
+                return Ok(true);
+            }
+        }
+        Ok(false)
+    }
+
+    /// Whether the robot's file as it will be finds everybody where he is.
+    pub(super) fn finds_all(&mut self) -> Result<bool, SetupError> {
+        let bus = self.scanned()?;
+        let plan = self.text().and_then(|text| Ok(robot_file::plan(&text, &Registry::with_built_in())?));
+        let found = match plan {
+            Ok(plan) => finds_all(&bus, &plan).map_err(|error| error.to_string()),
+            Err(SetupError::File(RobotFileError::Problems(problems))) => Err(problems.join("; ")),
+            Err(error) => return Err(error),
+        };
+        if let Err(words) = &found {
+            self.hand.tell(&format!("a robot's file by that wouldn't start: {words}"));
+        }
+        Ok(found.is_ok())
+    }
+
+    /// What is written counts once the drives were switched off and on.
+    fn name_each(&mut self) -> Result<bool, SetupError> {
         let mut bus = self.scanned()?;
         let mut written: Vec<(usize, u16)> = Vec::new();
         for number in 0..self.record.drives.len() {
             let drive = self.record.drives[number].clone();
             let Some(wheel) = drive.wheel.clone() else { continue };
+            self.record.found_of(&name_of(&wheel), Vec::new());
             let has = bus.subdevices().get(usize::from(drive.position));
             let (alias, shown) = has.map_or((None, None), |one| (one.alias, one.identification));
             let others = |is_its: &dyn Fn(&SubDevice) -> bool| {
@@ -38,8 +75,7 @@ impl<C: Clock> Guide<'_, C> {
                     continue;
                 };
                 let text = format!("{wheel}: its drive has alias {alias}, as SubDevice {other} has");
-                self.hand.tell(&text);
-                self.record.found(text);
+                self.tell_found_of(&name_of(&wheel), vec![text]);
             }
             // Until something else is chosen; what was chosen in a set-up that was left is asked again.
             let named = &mut self.record.drives[number];
@@ -73,8 +109,7 @@ impl<C: Clock> Guide<'_, C> {
                         let text = format!(
                             "{wheel}: the switch of SubDevice {other} shows the same number: found by its position"
                         );
-                        self.hand.tell(&text);
-                        self.record.found(text);
+                        self.tell_found_of(&name_of(&wheel), vec![text]);
                         continue;
                     }
                     self.record.drives[number].identification = shown;
@@ -92,10 +127,7 @@ impl<C: Clock> Guide<'_, C> {
         if written.is_empty() {
             return Ok(true);
         }
-        if !self.are_switched_off_and_on() {
-            return Ok(false);
-        }
-        let lost = self.who_lost_supply()?;
+        let Some(lost) = self.are_switched_off_and_on()? else { return Ok(false) };
         self.see_as_stored(&lost)?;
         let bus = self.scanned()?;
         for (number, alias) in written {
@@ -108,8 +140,7 @@ impl<C: Clock> Guide<'_, C> {
                 let text = format!(
                     "{wheel}: SubDevice {other} has the alias {alias}, too: it is found by its position; give that another alias"
                 );
-                self.hand.tell(&text);
-                self.record.found(text);
+                self.tell_found_of(&name_of(&wheel), vec![text]);
             } else if shown == Some(alias) {
                 (drive.alias, drive.written_alias) = (Some(alias), None);
                 self.record.note(format!("{wheel}: its drive shows alias {alias}"));
@@ -118,17 +149,16 @@ impl<C: Clock> Guide<'_, C> {
                 let text = format!(
                     "{wheel}: alias {alias} was written, its drive shows {shown}: it is found by its position until it was switched off and on"
                 );
-                self.hand.tell(&text);
-                self.record.found(text);
+                self.tell_found_of(&name_of(&wheel), vec![text]);
             }
         }
         Ok(true)
     }
 
-    /// Somebody does it, as what stands in EEPROMs counts from then on; `false` where it is left.
-    pub(super) fn are_switched_off_and_on(&mut self) -> bool {
-        let text = "switch the supply of all drives off, wait until they are dark, and on again".to_owned();
-        self.choose("power".to_owned(), text, &["done".to_owned()]).is_ok()
+    /// Somebody does it, as what stands in EEPROMs counts from then on: who lost his supply; `None` where it is left.
+    pub(super) fn are_switched_off_and_on(&mut self) -> Result<Option<Vec<u16>>, SetupError> {
+        let text = "switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they are up";
+        self.are_up("power".to_owned(), text.to_owned())
     }
 
     /// An alias that nobody has, asked for.

@@ -18,6 +18,8 @@ use crate::record::{FoundDrive, Record, Step};
 
 /// The profile of drives in 0x1000.
 const DRIVES: u32 = 402;
+/// What of findings drives add to what they are told.
+const OFFSET: &str = "offset";
 /// "save" in 0x1010:01.
 const SAVE: u32 = 0x6576_6173;
 
@@ -40,7 +42,7 @@ impl<C: Clock> Guide<'_, C> {
         Ok(bus)
     }
 
-    fn drives_on(&self, bus: &mut AnyBus<C>) -> Vec<FoundDrive> {
+    pub(super) fn drives_on(&self, bus: &mut AnyBus<C>) -> Vec<FoundDrive> {
         let mut drives = Vec::new();
         for position in 0..bus.subdevices().len() as u16 {
             let one = &bus.subdevices()[usize::from(position)];
@@ -66,12 +68,20 @@ impl<C: Clock> Guide<'_, C> {
         drives
     }
 
-    /// Finds the drives and notes what they say of themselves.
-    pub(super) fn find(&mut self) -> Result<(), SetupError> {
+    /// Finds the drives and notes what those say of themselves that may turn a wheel; `false` where it is left.
+    pub(super) fn find(&mut self) -> Result<bool, SetupError> {
         let mut bus = self.bus()?;
         let mut drives = self.drives_on(&mut bus);
+        let others = bus.subdevices().len() - drives.len();
+        let text = format!("{} drives, and {others} SubDevices that are none", drives.len());
+        self.hand.tell(&text);
+        self.record.note(text);
+        if !self.set_apart(bus.subdevices(), &mut drives)? {
+            return Ok(false);
+        }
+        let mut found = Vec::new();
         for drive in &mut drives {
-            recall(&self.record.jogged, drive).into_iter().for_each(|text| self.tell_found(text));
+            found.extend(recall(&self.record.jogged, drive));
         }
         for drive in &drives {
             let rated = drive.rated_torque_nm.map_or("not told".to_owned(), |torque| format!("{torque} N·m"));
@@ -94,27 +104,13 @@ impl<C: Clock> Guide<'_, C> {
                 self.hand.tell(&text);
                 self.record.note(text);
             }
-            for (index, bytes) in OFFSETS {
-                let is_it = |one: &&(u16, u8, Vec<u8>)| one.0 == index && one.2.len() == bytes;
-                if let Some((.., was)) =
-                    drive.was.iter().find(is_it).filter(|one| one.2.iter().any(|byte| *byte != 0))
-                {
-                    self.tell_found(format!(
-                        "SubDevice {}: {index:04X} is {}, which is added to all that it is told; a jog takes it out and puts it back, so the robot \
-                         would drive with it: write 0 by the maker's tool",
-                        drive.position,
-                        number(was)
-                    ));
-                }
-            }
             let of_file = self.scale_of(drive).rated_torque_nm;
             if let Some(rated) = drive.rated_torque_nm.filter(|rated| (rated / of_file - 1.0).abs() > 0.01) {
                 let text = format!(
                     "SubDevice {}: it says that its motor's rated torque is {rated} N·m (0x6076), the file says {of_file}: look at the motor's plate",
                     drive.position
                 );
-                self.hand.tell(&text);
-                self.record.found(text);
+                found.push(text);
             }
         }
         for drive in &drives {
@@ -129,10 +125,10 @@ impl<C: Clock> Guide<'_, C> {
                     drive.vendor_id,
                     drive.product_code
                 );
-                self.hand.tell(&text);
-                self.record.found(text);
+                found.push(text);
             }
         }
+        self.tell_found_of("drives", found);
         if let Err(error) = self.are_enough(drives.len()) {
             // What a jog left in those that are there is put back all the same.
             if !self.record.jogged.is_empty() {
@@ -140,13 +136,10 @@ impl<C: Clock> Guide<'_, C> {
             }
             return Err(error);
         }
-        let others = bus.subdevices().len() - drives.len();
-        let text = format!("{} drives, and {others} SubDevices that are none", drives.len());
-        self.hand.tell(&text);
-        self.record.note(text);
         self.record.drives = drives;
         self.are_placed = true;
-        Ok(())
+        self.tell_offsets();
+        Ok(true)
     }
 
     /// The drives are those of when the set-up was left.
@@ -191,7 +184,27 @@ impl<C: Clock> Guide<'_, C> {
             self.hand.tell(&text);
             self.record.note(text);
         }
+        self.tell_offsets();
         Ok(())
+    }
+
+    /// Who adds something to what it is told.
+    fn tell_offsets(&mut self) {
+        let mut texts = Vec::new();
+        for drive in &self.record.drives {
+            for (index, bytes) in OFFSETS {
+                let is_it = |one: &&(u16, u8, Vec<u8>)| one.0 == index && one.2.len() == bytes;
+                let was = drive.was.iter().find(is_it).map_or(0, |(.., was)| signed(was));
+                if was != 0 {
+                    texts.push(format!(
+                        "SubDevice {}: {index:04X} is {was}, which is added to all that it is told; a jog takes it out and puts it back, so the \
+                         robot would drive with it: write 0 by the maker's tool",
+                        drive.position
+                    ));
+                }
+            }
+        }
+        self.tell_found_of(OFFSET, texts);
     }
 
     /// Drives that nothing tells apart may have been swapped since they were jogged: somebody says whether they were, and who was
@@ -221,7 +234,9 @@ impl<C: Clock> Guide<'_, C> {
         if said == choices[1] {
             self.record.note("drives may have been swapped: begun again with who is on the bus".to_owned());
             self.record.begin_again();
-            self.find()?;
+            if !self.find()? {
+                return Ok(false);
+            }
             self.finish(Step::Find);
         }
         self.are_placed = true;
@@ -232,6 +247,12 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn tell_found(&mut self, text: String) {
         self.hand.tell(&text);
         self.record.found(text);
+    }
+
+    /// The same of what is looked at again and again: what an earlier look found counts no more.
+    pub(super) fn tell_found_of(&mut self, what: &str, texts: Vec<String>) {
+        texts.iter().for_each(|text| self.hand.tell(text));
+        self.record.found_of(what, texts);
     }
 
     /// The file's parameters against what the drives hold: shown, written where wished, stored where wished.
@@ -370,6 +391,15 @@ fn other_units(plan: &DrivePlan, drive: &FoundDrive) -> Option<String> {
 fn read_number<C: Clock>(bus: &mut AnyBus<C>, position: u16, object: ObjectAddress) -> Option<u32> {
     let bytes = bus.sdo_read(position, object, SdoAccess::Entry).ok()?;
     (bytes.len() <= 4).then(|| bytes.iter().rev().fold(0, |number, byte| number << 8 | u32::from(*byte)))
+}
+
+/// The same with a sign; 0 of more than eight bytes.
+fn signed(bytes: &[u8]) -> i64 {
+    let sign = if bytes.last().is_some_and(|last| *last >= 0x80) { 0xFF } else { 0 };
+    let mut all = [sign; 8];
+    let Some(low) = all.get_mut(..bytes.len()) else { return 0 };
+    low.copy_from_slice(bytes);
+    i64::from_le_bytes(all)
 }
 
 /// Little-endian bytes as people read numbers.

@@ -7,7 +7,7 @@ use omnibase_ethercat::{Bus, BusOptions};
 use super::at_start::MAX_TORQUE;
 use super::jogging::Motion;
 use super::reading::held;
-use super::{Guide, Leave, SetupError, has_its_numbers};
+use super::{ATTEMPTS, Guide, Leave, SetupError, has_its_numbers};
 use crate::jog::JogEnd;
 use crate::record::{Record, Step};
 
@@ -44,7 +44,11 @@ impl<C: Clock> Guide<'_, C> {
                         self.record.make_good(Step::SafeTorqueOff, Some(&wheel));
                         break;
                     }
-                    Tried::Failed(words) => self.tell_found(format!("{wheel}: {words}")),
+                    Tried::Failed(words) => {
+                        let why = format!("{wheel}: {words}");
+                        self.hand.tell(&why);
+                        self.record.failed(Step::SafeTorqueOff, Some(&wheel), why);
+                    }
                     Tried::Untried(_) => {}
                 }
                 let text = format!(
@@ -95,12 +99,12 @@ impl<C: Clock> Guide<'_, C> {
         }
         let text = "release the emergency stop, reset what your safety circuit asks for, and wait until the drives are up"
             .to_owned();
-        if self.choose(format!("release {number}"), text, &["done".to_owned()]).is_err() {
-            return Ok(Tried::Left);
+        let Some(mut lost) = self.are_up(format!("release {number}"), text)? else { return Ok(Tried::Left) };
+        if jog.end != JogEnd::Lost {
+            lost.clear();
         }
         let end = jog.end.to_string();
         let position = self.record.drives[number].position;
-        let lost = if jog.end == JogEnd::Lost { self.who_lost_supply()? } else { Vec::new() };
         // A stop that was seen isn't lost for it: whoever isn't there is told at the next motion.
         if let Err(error) = self.see_as_stored(&lost) {
             self.hand.tell(&error.to_string());
@@ -125,16 +129,38 @@ impl<C: Clock> Guide<'_, C> {
         })
     }
 
+    /// Somebody says that the drives are up: which of them lost their supply meanwhile. Asked again until as many SubDevices answer as
+    /// drives need; `None` where it is left.
+    pub(super) fn are_up(&mut self, id: String, text: String) -> Result<Option<Vec<u16>>, SetupError> {
+        let needed = self.record.drives.iter().map(|drive| drive.position + 1).max().unwrap_or(0);
+        for _ in 0..ATTEMPTS {
+            if self.choose(id.clone(), text.clone(), &["done".to_owned()]).is_err() {
+                return Ok(None);
+            }
+            match self.who_lost_supply(needed)? {
+                Ok(lost) => return Ok(Some(lost)),
+                Err(there) => self.hand.tell(&format!(
+                    "{there} SubDevices answer, and at least {needed} are needed: wait until all drives are up, and say it again"
+                )),
+            }
+        }
+        Ok(None)
+    }
+
     /// Drives whose chip forgot the address that the last scan gave it: their supply was gone. Who was merely cut off has it still,
-    /// and lost its torque by the end of the jog or by its watchdog.
-    pub(super) fn who_lost_supply(&mut self) -> Result<Vec<u16>, SetupError> {
+    /// and lost its torque by the end of the jog or by its watchdog. An error is how many SubDevices answer, where that are too few.
+    pub(super) fn who_lost_supply(&mut self, needed: u16) -> Result<Result<Vec<u16>, u16>, SetupError> {
         let (link, clock) = (self.open)().map_err(SetupError::Open)?;
         let mut bus = Bus::new(link, clock, BusOptions::default());
+        let there = bus.count().unwrap_or(0);
+        if there < needed {
+            return Ok(Err(there));
+        }
         let has_lost = |position: &u16| {
             let address = Access::read_at("the station address", *position, register::STATION_ADDRESS, 2);
             bus.transactor().perform_one(address).is_ok_and(|read| read.data == [0, 0])
         };
-        Ok(self.record.drives.iter().map(|drive| drive.position).filter(has_lost).collect())
+        Ok(Ok(self.record.drives.iter().map(|drive| drive.position).filter(has_lost).collect()))
     }
 
     /// Drives that lost their supply hold what is stored in them: nothing of what they held before a jog.

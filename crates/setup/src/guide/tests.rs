@@ -16,6 +16,7 @@ mod left;
 mod maps;
 mod motions;
 mod passed;
+mod standing;
 mod supply;
 mod written;
 
@@ -29,7 +30,7 @@ fn with_found(
     look: impl FnOnce(&mut Guide<'_, VirtualClock>),
 ) {
     with_record(base, Record::default(), open, hand, |guide| {
-        guide.find().unwrap();
+        assert!(guide.find().unwrap());
         look(guide);
     });
 }

@@ -67,8 +67,6 @@ fn a_lift_of_the_file_is_no_wheel() {
     let before = max_torque_and_mode(&link, &clock, 4);
     let mut hand = Notes::new(|_| None);
     with_found(LIFT, &mut open, &mut hand, |guide| {
-        assert_eq!(positions(&guide.record), [1, 2, 3, 4]);
-        assert!(guide.set_apart().unwrap());
         assert_eq!(positions(&guide.record), [1, 2, 3]);
         let others = guide.record.others.iter().map(|one| (one.position, one.name.clone().unwrap()));
         assert_eq!(others.collect::<Vec<_>>(), [(0, "buttons".to_owned()), (4, "lift".to_owned())]);
@@ -97,7 +95,12 @@ fn a_lift_that_an_older_set_up_jogged_gets_back_what_it_held_and_turns_no_more()
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let before = max_torque_and_mode(&link, &clock, 4);
     let mut record = Record::default();
-    with_found(LIFT, &mut open, &mut Nobody, |guide| {
+    // Of a file that doesn't have it yet.
+    let mut document: toml_edit::DocumentMut = LIFT.parse().unwrap();
+    let devices = document["device"].as_array_of_tables_mut().unwrap();
+    devices.retain(|device| device["name"].as_str() != Some("lift"));
+    with_found(&document.to_string(), &mut open, &mut Says("wheel"), |guide| {
+        guide.record.robot = Some(guide.robot());
         guide.operational().unwrap();
         for (drive, wheel) in guide.record.drives.iter_mut().zip(["wheel_1", "wheel_2", "wheel_3", "wheel_3"])
         {
@@ -164,7 +167,6 @@ fn devices_that_are_not_where_the_file_has_them_are_told_before_anything_turns()
     // Of a hot-connect group that isn't there nothing is missing.
     let group = "[[device]]\nname = \"one\"\nkind = \"ignore\"\nalias = 40\ngroup = \"tool\"\n";
     with_found(&format!("{BASE}\n{group}"), &mut open, &mut Nobody, |guide| {
-        assert!(guide.set_apart().unwrap());
         assert!(guide.record.others.is_empty());
     });
 }
@@ -186,6 +188,7 @@ fn with_more_drives_than_wheels_it_is_asked_who_turns_none() {
     }
     let mut hand = Notes::new(|id| match id {
         "role 1" => Some("no wheel"),
+        "places" => Some("as before"),
         id => id.starts_with("role").then_some("wheel"),
     });
     with_record(BASE, Record::default(), &mut open, &mut hand, |guide| {
@@ -198,10 +201,10 @@ fn with_more_drives_than_wheels_it_is_asked_who_turns_none() {
         let devices: Vec<_> = plan.devices.iter().map(|one| (one.kind.as_str(), one.place)).collect();
         assert_eq!(devices, [("ignore", BusPlace::Position(1))]);
         // Taken up again nobody is asked.
-        assert!(guide.set_apart().unwrap());
+        assert!(guide.is_as_it_was().unwrap());
     });
     // Once one is no wheel's, as many are left as there are wheels.
-    assert_eq!(hand.asked, ["role 0", "role 1"]);
+    assert_eq!(hand.asked, ["role 0", "role 1", "places"]);
     assert_eq!(hand.keys.len(), 1, "the first wheel's jog: {:?}", hand.keys);
 }
 
@@ -254,19 +257,121 @@ fn a_wheel_that_looks_like_the_lift_is_asked_for_its_place() {
 fn who_is_in_no_table_has_an_alias_where_there_is_a_hot_connect_group() {
     let base =
         format!("{BASE}\n[[device]]\nname = \"arm\"\nalias = 77\nkind = \"ignore\"\ngroup = \"arm\"\n");
-    for (alias, is_told) in [("", true), ("alias = 9\n", false)] {
-        let tables =
-            "[[subdevice]]\nkind = \"servo\"\ncount = 3\n[[subdevice]]\nkind = \"digital-io\"\ninputs = 8\n";
-        let (link, clock) = segment_of(&format!("{tables}{alias}"));
+    let servos = "[[subdevice]]\nkind = \"servo\"\ncount = 3\n";
+    let io = |alias: &str| format!("[[subdevice]]\nkind = \"digital-io\"\ninputs = 8\n{alias}");
+    let arm = io("alias = 77\n");
+    for (tables, is_told) in [
+        (format!("{arm}{servos}{}", io("")), true),
+        (format!("{arm}{servos}{}", io("alias = 9\n")), false),
+        // Another has it, too, or may be plugged in.
+        (format!("{arm}{servos}{0}{0}", io("alias = 9\n")), true),
+        (format!("{arm}{servos}{arm}"), true),
+        // In front of the group, or where it isn't plugged in, a position is as good.
+        (format!("{}{arm}{servos}", io("")), false),
+        (format!("{servos}{0}{0}", io("alias = 9\n")), false),
+    ] {
+        let (link, clock) = segment_of(&tables);
         let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
             Ok((Box::new(link.clone()), clock.clone()))
         };
-        with_found(&base, &mut open, &mut Nobody, |guide| match guide.set_apart() {
-            Ok(is_apart) => assert!(is_apart && !is_told),
-            Err(error) => {
-                let words = error.to_string();
-                assert!(is_told && words.contains("SubDevice 3 is in no table of the file"), "{words}");
-            }
+        with_record(&base, Record::default(), &mut open, &mut Nobody, |guide| match guide.find() {
+            Ok(is_found) => assert!(is_found && !is_told, "{tables}"),
+            Err(error) => assert!(is_told && matches!(error, SetupError::Devices(_)), "{tables}: {error}"),
         });
     }
+}
+
+/// Behind a hot-connect group no place is kept that a start of the robot refuses: what drives are found by is asked again.
+#[test]
+fn a_drive_behind_a_hot_connect_group_is_not_found_by_its_position() {
+    let group = "[[device]]\nname = \"arm\"\nalias = 77\nkind = \"ignore\"\ngroup = \"arm\"\n";
+    let io = |alias: u16| format!("[[subdevice]]\nkind = \"digital-io\"\ninputs = 8\nalias = {alias}\n");
+    let servos = "[[subdevice]]\nkind = \"sgdv\"\ncount = 3\n";
+    let base = format!("{BASE}\n{group}");
+    for (tables, is_kept) in [
+        (format!("{}{servos}", io(77)), false),
+        // One more that is always there: no position is too great.
+        (format!("{}{servos}{}", io(77), io(78)), false),
+        (format!("{servos}{}", io(77)), true),
+    ] {
+        let (link, clock) = segment_of(&tables);
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            Ok((Box::new(link.clone()), clock.clone()))
+        };
+        // Each wheel once, then it is left.
+        let mut answers = 3;
+        let mut hand = Notes::new(|_| {
+            answers -= 1;
+            (answers >= 0).then_some("position")
+        });
+        with_found(&base, &mut open, &mut hand, |guide| {
+            for (drive, wheel) in guide.record.drives.iter_mut().zip(["wheel_1", "wheel_2", "wheel_3"]) {
+                drive.wheel = Some(wheel.to_owned());
+            }
+            assert_eq!(guide.name_all().unwrap(), is_kept, "{tables}");
+        });
+        let refused =
+            hand.told.iter().filter(|text| text.starts_with("a robot's file by that wouldn't start"));
+        assert_eq!(refused.count(), usize::from(!is_kept), "{:?}", hand.told);
+    }
+}
+
+/// Drives that look alike: nothing of what a jog wrote over in a wheel's is put into the lift's, which was never jogged, though all are found
+/// again.
+#[test]
+fn what_a_wheels_drive_held_is_not_put_into_a_lift_that_looks_like_it() {
+    let lift = "[[device]]\nname = \"lift\"\nposition = 3\nkind = \"ignore\"\n";
+    let base = format!("{BASE}\n{lift}");
+    let (link, clock) = segment_of("[[subdevice]]\nkind = \"sgdv\"\ncount = 4\n");
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+    by_tool(&link, &clock).sdo_write(3, torque, &1500_u16.to_le_bytes()).unwrap();
+    let mut record = Record::default();
+    with_found(&base, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        guide.record.done = vec![Step::Find];
+        record = guide.record.clone();
+    });
+    let anew = Record { jogged: record.jogged.clone(), robot: record.robot.clone(), ..Record::default() };
+    assert_eq!(record.jogged.len(), 3, "{:?}", record.jogged);
+    for (record, places) in [(anew, None), (record.clone(), Some("jog again")), (record, Some("as before"))] {
+        let mut hand = Notes::new(|id| match id {
+            "robot" => Some("same"),
+            "places" => places,
+            _ => None,
+        });
+        with_record(&base, record, &mut open, &mut hand, |guide| {
+            assert_eq!(guide.run().unwrap(), Ended::Left(None));
+            assert!(guide.record.findings.is_empty(), "{:?}", guide.record.findings);
+        });
+        assert_eq!(max_torque_and_mode(&link, &clock, 3)[0], 1500_u16.to_le_bytes(), "{places:?}");
+        assert_eq!(max_torque_and_mode(&link, &clock, 0)[0], 3000_u16.to_le_bytes(), "{places:?}");
+    }
+}
+
+/// Who was named by its place in the file that comes of it isn't left out of it without a word.
+#[test]
+fn a_subdevice_that_is_gone_when_the_set_up_is_taken_up_is_asked_for() {
+    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+        let (link, clock) = segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
+        Ok((Box::new(link), clock))
+    };
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.record.done = vec![Step::Find];
+        let io = crate::FoundDevice { position: 3, product_code: 5, ..Default::default() };
+        for (said, goes_on) in [(None, false), (Some("gone"), true)] {
+            guide.record.others = vec![io.clone()];
+            let mut hand = Notes::new(|_| said);
+            let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+                let (link, clock) = segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
+                Ok((Box::new(link), clock))
+            };
+            with_record(BASE, guide.record.clone(), &mut open, &mut hand, |guide| {
+                assert_eq!(guide.is_as_it_was().unwrap(), goes_on);
+                assert_eq!(guide.record.others.is_empty(), goes_on);
+            });
+            assert_eq!(hand.asked, ["gone 3"]);
+        }
+    });
 }

@@ -8,6 +8,7 @@ use super::*;
 struct Switches<'a> {
     injector: &'a Injector,
     cycles: u32,
+    is_dark: bool,
 }
 
 impl Hand for Switches<'_> {
@@ -15,16 +16,14 @@ impl Hand for Switches<'_> {
         let said = match question.id.split(' ').next().unwrap() {
             "name" => "alias",
             "alias" => "",
-            "power" => {
-                self.injector.inject(0, Fault::PowerOff);
-                self.injector.inject(0, Fault::PowerOn);
+            // Said too early first: it is asked again.
+            "power" | "release" => {
+                let fault =
+                    if std::mem::replace(&mut self.is_dark, true) { Fault::PowerOn } else { Fault::PowerOff };
+                self.injector.inject(0, fault);
                 "done"
             }
             "stopped" => "yes",
-            "release" => {
-                self.injector.inject(0, Fault::PowerOn);
-                "done"
-            }
             other => panic!("{other}"),
         };
         Answer::Said(said.to_owned())
@@ -63,14 +62,17 @@ fn a_drive_that_lost_its_supply_keeps_what_is_stored_in_it() {
         for position in 0..3 {
             by_tool(&link, &clock).sdo_write(position, torque, &1100_u16.to_le_bytes()).unwrap();
         }
-        let mut hand = Switches { injector: &injector, cycles: 0 };
+        let mut hand = Switches { injector: &injector, cycles: 0, is_dark: false };
         with_found(BASE, &mut open, &mut hand, |guide| {
-            guide.record.drives[0].wheel = Some("wheel_1".to_owned());
+            let wheels = if is_stop { &["wheel_1"][..] } else { &["wheel_1", "wheel_2", "wheel_3"] };
+            for (drive, wheel) in guide.record.drives.iter_mut().zip(wheels) {
+                drive.wheel = Some((*wheel).to_owned());
+            }
             if is_jogs {
                 guide.wished.torque_per_mille = stored;
             }
             guide.operational().unwrap();
-            assert_eq!(guide.who_lost_supply().unwrap(), Vec::<u16>::new());
+            assert_eq!(guide.who_lost_supply(3).unwrap(), Ok(Vec::new()));
             assert!(if is_stop { guide.stop_all() } else { guide.name_all() }.unwrap());
             assert_eq!(guide.record.drives[0].is_stopped, is_stop.then_some(true));
             guide.leave_as_found();

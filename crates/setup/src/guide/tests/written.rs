@@ -58,7 +58,7 @@ fn what_cannot_be_kept_is_not_written_over() {
     let outside = Outside { hand: &mut Nobody, keep: &mut keep, back_up: &mut back_up };
     let wished = Wished::new(BASE.to_owned());
     let mut guide = Guide::new(wished, Record::default(), &mut open, outside).unwrap();
-    guide.find().unwrap();
+    assert!(guide.find().unwrap());
     let error = guide.operational().err().unwrap().to_string();
     assert!(error.contains("nothing is written into them: no space"), "{error}");
     drop(guide);
@@ -91,7 +91,7 @@ fn drives_that_were_jogged_elsewhere_get_back_what_they_held() {
     {
         let record = Record { jogged, ..Record::default() };
         with_record(base, record, &mut open, &mut Nobody, |guide| {
-            guide.find().unwrap();
+            assert!(guide.find().unwrap());
             guide.operational().unwrap();
             assert_eq!(guide.record.jogged.len(), expected);
             guide.leave_as_found();
