@@ -17,14 +17,18 @@ const FLOOD: usize = 500;
 
 /// Status and content type of the answer to a request, and its body.
 fn answer(line: &mut BufReader<TcpStream>) -> (u16, Option<String>, Vec<u8>) {
+    heard(line).unwrap()
+}
+
+/// The same of one that may be cut off.
+fn heard(line: &mut BufReader<TcpStream>) -> std::io::Result<(u16, Option<String>, Vec<u8>)> {
     let mut head = Vec::new();
     let mut next = || {
         let mut text = String::new();
-        line.read_line(&mut text).unwrap();
-        text.trim_end().to_owned()
+        line.read_line(&mut text).map(|_| text.trim_end().to_owned())
     };
     loop {
-        let text = next();
+        let text = next()?;
         if text.is_empty() {
             break;
         }
@@ -36,8 +40,8 @@ fn answer(line: &mut BufReader<TcpStream>) -> (u16, Option<String>, Vec<u8>) {
     };
     let status = head[0].split(' ').nth(1).unwrap().parse().unwrap();
     let mut body = vec![0; field("content-length").map_or(0, |length| length.parse().unwrap())];
-    line.read_exact(&mut body).unwrap();
-    (status, field("content-type"), body)
+    line.read_exact(&mut body)?;
+    Ok((status, field("content-type"), body))
 }
 
 fn asked(to: SocketAddr, requests: &str) -> BufReader<TcpStream> {
@@ -81,10 +85,10 @@ fn answers(path: &str, token: Option<&str>) -> (Value, Vec<(u16, Option<String>)
         all.extend(followers.iter_mut().map(answer).map(|(status, kind, _)| (status, kind)));
     }
     let flood = request("/api/planned", "1.1", "127.0.0.1", &token).repeat(FLOOD);
-    // A busy machine may answer so slowly that nobody asks too often.
+    // A busy machine may answer so slowly that nobody asks too often, or cut off before the answer was read.
     let refused = std::iter::repeat_with(|| {
         let mut line = asked(to, &flood);
-        let is_too_often = (0..FLOOD).any(|_| answer(&mut line).0 == 429);
+        let is_too_often = (0..FLOOD).map_while(|_| heard(&mut line).ok()).any(|(status, ..)| status == 429);
         is_too_often.then(|| once(request(path, "1.1", "127.0.0.1", &upgrade)))
     });
     all.extend(refused.take(3).flatten().find(|(status, _)| *status == 429));

@@ -205,7 +205,8 @@ class Stepped(unittest.TestCase):
             counted += 1
             time.sleep(0.001)
         stepper.join()
-        self.assertGreater(counted, 50)
+        # None where it held them up; how many a busy machine lets.
+        self.assertGreater(counted, 10)
 
     def test_other_threads_of_python_go_on_meanwhile(self):
         robot = omnibase.Simulation(BMM)
@@ -217,7 +218,7 @@ class Stepped(unittest.TestCase):
             counted += 1
             time.sleep(0)
         stepper.join()
-        self.assertGreater(counted, 100)
+        self.assertGreater(counted, 10)
 
     def test_mistakes_are_told_in_the_products_words(self):
         wrong = [

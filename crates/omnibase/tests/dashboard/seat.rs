@@ -138,13 +138,18 @@ fn drive(seat: &mut Seat, robot: &Robot) {
     let begun = Instant::now();
     while !(seat.drives() && robot.speed_m_s() > 0.2) {
         assert!(begun.elapsed() < LONGEST, "never: {}", robot.read("now"));
-        let driven = seat.drive([0.3, 0.0, 0.0], Frame::Body, Instant::now());
-        if seat.is_blocked() || matches!(driven, Err(Error::Stopped(_))) {
-            enable_stick(seat);
-        } else {
-            driven.unwrap();
-        }
+        push(seat, Instant::now());
         while seat.hear(Duration::from_millis(5)).unwrap().is_some() {}
+    }
+}
+
+/// Once, as meant at an instant.
+fn push(seat: &mut Seat, meant: Instant) {
+    let driven = seat.drive([0.3, 0.0, 0.0], Frame::Body, meant);
+    if seat.is_blocked() || matches!(driven, Err(Error::Stopped(_))) {
+        enable_stick(seat);
+    } else {
+        driven.unwrap();
     }
 }
 
@@ -184,7 +189,7 @@ fn a_program_drives_lets_go_and_drives_again_but_not_after_any_other_stop() {
     // What was meant long ago moves nothing, nor what is no twist.
     let long_ago = Instant::now() - Duration::from_millis(1500);
     for _ in 0..20 {
-        seat.drive([0.3, 0.0, 0.0], Frame::Body, long_ago).unwrap();
+        push(&mut seat, long_ago);
         seat.hear(Duration::from_millis(5)).unwrap();
     }
     for twist in [json!([1e30, 0.0, 0.0]), json!([0.1, 0.0]), json!([null, 0.0, 0.0]), json!("fast")] {

@@ -9,6 +9,7 @@ use std::net::TcpStream;
 use std::os::unix::fs::PermissionsExt;
 use std::path::Path;
 use std::process::Command;
+use std::time::Duration;
 
 /// Buttons of the recorded joystick: held while driving, and taken before.
 const TRIGGER: u16 = 0x120;
@@ -59,7 +60,7 @@ fn the_file_alone_brings_up_interface_page_joystick_and_recording() {
     fs::write(folder.join("secret"), TOKEN).unwrap();
     fs::set_permissions(folder.join("secret"), fs::Permissions::from_mode(0o600)).unwrap();
     // Grasped again and again: drives come up when the machine lets them.
-    let grasps = (0..20).flat_map(|n| [(1500 + 400 * n, TRIGGER, 1), (1800 + 400 * n, TRIGGER, 0)]);
+    let grasps = (0..100).flat_map(|n| [(1500 + 400 * n, TRIGGER, 1), (1800 + 400 * n, TRIGGER, 0)]);
     let enabled = [(100, ENABLE, 1), (200, ENABLE, 0), (1000, ABS_Y, 64)];
     recording(folder, &enabled.into_iter().chain(grasps).collect::<Vec<_>>());
     let (ran, simulated) = namespace.run(|| {
@@ -73,7 +74,8 @@ fn the_file_alone_brings_up_interface_page_joystick_and_recording() {
         let address = said.trim_start_matches("dashboard: http://").split('/').next().unwrap();
         let answer = page(address);
         assert!(answer.starts_with("HTTP/1.0 200") && answer.contains("<!DOCTYPE html>"), "{answer}");
-        run.wait_for("blocked until it is enabled");
+        run.wait_for("drives by hand");
+        std::thread::sleep(Duration::from_secs(3));
         run.signal("INT");
         let ran = run.end();
         simulator.signal("INT");
