@@ -148,7 +148,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     };
     let mut keep =
         |record: &Record| write_whole(&state, record.to_json()).map_err(|error| format!("{error:#}"));
-    let mut hand = Operator::of(arguments, &plan)?;
+    let mut hand = Operator::of(arguments, &plan, &record)?;
     // The page's thread is there by now.
     let _granted = arguments.real_time.apply(wished.cycle)?;
     let mut back_up = |position: u16, bytes: &[u8]| {
@@ -281,7 +281,7 @@ enum Operator {
 }
 
 impl Operator {
-    fn of(arguments: &Arguments, plan: &RobotPlan) -> anyhow::Result<Self> {
+    fn of(arguments: &Arguments, plan: &RobotPlan, record: &Record) -> anyhow::Result<Self> {
         // Whoever ends the program ends a motion in order: the drive is disabled before the program is gone.
         let stop = stop_on_signals().context("signals")?;
         if arguments.lines {
@@ -295,7 +295,7 @@ impl Operator {
         if let Some(token) = token::given(arguments.token_file.as_deref())? {
             access.token = token;
         }
-        let page = page::Page::start(access.clone(), plan, stop)?;
+        let page = page::Page::start(access.clone(), plan, record, stop)?;
         note(format_args!("dashboard: {}", access.url(page.address())));
         Ok(Operator::Page(Box::new(page)))
     }

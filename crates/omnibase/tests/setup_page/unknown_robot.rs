@@ -140,6 +140,15 @@ fn an_unknown_robot_behind_a_cable_is_set_up_on_the_page() {
         }
         picture(&mut page, "setup-over");
         assert_eq!(process.0.wait().unwrap().code(), Some(0));
+        // Taken up again, what was gone on without is offered, and all else is shown as it is.
+        let (mut again, at) = begin();
+        open(&mut page, &at);
+        until(&mut page, "the stop is offered", |seen| seen["asked"] == "passed stop");
+        let steps = "[...document.querySelectorAll('#steps li')].map((step) => step.className).join(' ')";
+        assert_eq!(page.value(steps), "done done done done done now done done done passed");
+        page.click("#leave");
+        until(&mut page, "it is left", |seen| !seen["over"].is_null());
+        assert_eq!(again.0.wait().unwrap().code(), Some(1));
         let text = std::fs::read_to_string(&output).unwrap();
         assert_eq!(differences(&robot, &text), Vec::<String>::new(), "{text}");
         let motions = motions(&output);

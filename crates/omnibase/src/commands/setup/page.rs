@@ -6,7 +6,7 @@ use omnibase_dashboard::setup_page::{
 };
 use omnibase_dashboard::{Access, DashboardError};
 use omnibase_robot::RobotPlan;
-use omnibase_setup::{Answer, Hand, Key, Question, Step};
+use omnibase_setup::{Answer, Hand, Key, Question, Record, Step};
 use std::net::SocketAddr;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -62,10 +62,11 @@ pub struct Page {
 }
 
 impl Page {
-    /// Serves the page of this robot's set-up; `stop` ends it as leaving does.
+    /// Serves the page of this robot's set-up, taken up from `record`; `stop` ends it as leaving does.
     pub fn start(
         access: Access,
         plan: &RobotPlan,
+        record: &Record,
         stop: &'static AtomicBool,
     ) -> Result<Self, DashboardError> {
         let (sender, answers) = sync_channel(WAITING);
@@ -80,8 +81,8 @@ impl Page {
         });
         let steps = Step::ALL.map(|step| StepShown {
             words: step.words().to_owned(),
-            is_done: false,
-            is_passed_over: false,
+            is_done: record.done.contains(&step),
+            is_passed_over: record.passed_over_of(step).is_some(),
             is_now: false,
         });
         let shown = SetupShown {
