@@ -6,7 +6,9 @@ use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::Clock;
 use omnibase_robot::config::{BusPlace, DevicePlan, DrivePlan};
 
-use super::{AnyBus, Guide, Leave, SetupError, has_its_numbers, is_identity, is_product, seen, who};
+use super::{
+    ATTEMPTS, AnyBus, Guide, Leave, SetupError, has_its_numbers, is_identity, is_product, seen, who,
+};
 use crate::record::{FoundDevice, FoundDrive, Step};
 
 /// What of findings wheels have no drive.
@@ -114,25 +116,32 @@ impl<C: Clock> Guide<'_, C> {
     /// Whoever was there and is in no table of the file is there still, or gone for good: the file would do without him. `false` where
     /// it is left.
     pub(super) fn is_nobody_gone(&mut self) -> Result<bool, SetupError> {
-        let mut there: Vec<FoundDrive> = self.scanned()?.subdevices().iter().map(seen).collect();
-        there.retain(|one| self.record.drives.iter().all(|drive| drive.position != one.position));
-        for one in self.record.others.clone().into_iter().filter(|one| one.name.is_none()) {
-            if let Some(at) = there.iter().position(|now| has_its_numbers(&one.as_drive(), now)) {
-                there.remove(at);
-                continue;
-            }
+        for _ in 0..ATTEMPTS {
+            let mut there: Vec<FoundDrive> = self.scanned()?.subdevices().iter().map(seen).collect();
+            there.retain(|one| self.record.drives.iter().all(|drive| drive.position != one.position));
+            let is_gone = |one: &&FoundDevice| {
+                let at = there.iter().position(|now| has_its_numbers(&one.as_drive(), now));
+                at.map(|at| there.remove(at)).is_none()
+            };
+            let Some(one) = self.record.others.iter().filter(|one| one.name.is_none()).find(is_gone).cloned()
+            else {
+                return Ok(true);
+            };
             let text = format!(
-                "SubDevice {} ({}) was on the bus and isn't: is it gone for good, so that the file does without it? Else leave, plug and power \
-                 it as it was, and take the set-up up again",
+                "SubDevice {} ({}) was on the bus and isn't: is it gone for good, so that the file does without it, or there again?",
                 one.position,
                 who(&one.as_drive())
             );
-            if self.choose(format!("gone {}", one.position), text, &["gone".to_owned()]).is_err() {
-                return Ok(false);
+            match self.choose(format!("gone {}", one.position), text, &["gone", "there"].map(str::to_owned)) {
+                Err(Leave) => return Ok(false),
+                Ok(said) if said == "gone" => {
+                    self.record.others.retain(|other| *other != one);
+                    self.record.note(format!("SubDevice {} is gone for good, as was said", one.position));
+                }
+                Ok(_) => {}
             }
-            self.record.note(format!("SubDevice {} is gone for good, as was said", one.position));
         }
-        Ok(true)
+        Ok(false)
     }
 
     /// There is a drive for each wheel.

@@ -63,8 +63,8 @@ impl<C: Clock> Guide<'_, C> {
                     );
                 } else if let Some(now) = now.filter(|now| !self.is_of_jog(drive, object, now)) {
                     written_over.push(format!(
-                        "SubDevice {position}: {object} was {}, which no jog wrote, and is {before} again, as before it was jogged: who set it \
-                         since sets it again",
+                        "SubDevice {position}: {object} was {}, which no jog by this file writes, and is {before} again, as before it was jogged: \
+                         who set it since sets it again",
                         number(&now)
                     ));
                 }

@@ -353,25 +353,29 @@ fn what_a_wheels_drive_held_is_not_put_into_a_lift_that_looks_like_it() {
 /// Who was named by its place in the file that comes of it isn't left out of it without a word.
 #[test]
 fn a_subdevice_that_is_gone_when_the_set_up_is_taken_up_is_asked_for() {
-    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
-        let (link, clock) = segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
+    let servos = "[[subdevice]]\nkind = \"sgdv\"\ncount = 3\nserial = 1\n";
+    let io = "[[subdevice]]\nkind = \"digital-io\"\ninputs = 8\n";
+    let with_io = format!("{servos}{io}");
+    let mut record = Record::default();
+    let opened = |tables: &str| -> Result<(Box<dyn Link>, VirtualClock), String> {
+        let (link, clock) = segment_of(tables);
         Ok((Box::new(link), clock))
     };
-    with_found(BASE, &mut open, &mut Nobody, |guide| {
+    with_found(BASE, &mut || opened(&with_io), &mut Nobody, |guide| {
         guide.record.done = vec![Step::Find];
-        let io = crate::FoundDevice { position: 3, product_code: 5, ..Default::default() };
-        for (said, goes_on) in [(None, false), (Some("gone"), true)] {
-            guide.record.others = vec![io.clone()];
-            let mut hand = Notes::new(|_| said);
-            let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
-                let (link, clock) = segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
-                Ok((Box::new(link), clock))
-            };
-            with_record(BASE, guide.record.clone(), &mut open, &mut hand, |guide| {
-                assert_eq!(guide.is_as_it_was().unwrap(), goes_on);
-                assert_eq!(guide.record.others.is_empty(), goes_on);
-            });
-            assert_eq!(hand.asked, ["gone 3"]);
-        }
+        record = guide.record.clone();
     });
+    let is_back = std::cell::Cell::new(false);
+    for (said, goes_on, others) in [(None, false, 1), (Some("gone"), true, 0), (Some("there"), true, 1)] {
+        let mut hand = Notes::new(|_| {
+            is_back.set(said == Some("there"));
+            said
+        });
+        let mut open = || opened(if is_back.get() { &with_io } else { servos });
+        with_record(BASE, record.clone(), &mut open, &mut hand, |guide| {
+            assert_eq!(guide.is_as_it_was().unwrap(), goes_on, "{said:?}");
+            assert_eq!(guide.record.others.len(), others, "{said:?}");
+        });
+        assert_eq!(hand.asked, ["gone 3"]);
+    }
 }

@@ -48,8 +48,9 @@ fn what_jogs_left_is_found_until_it_is_put_back() {
         let findings = &guide.record.findings;
         assert!(
             findings.len() == 1
-                && findings[0]
-                    .starts_with("SubDevice 1: 6072:00 was 2000, which no jog wrote, and is 3000 again"),
+                && findings[0].starts_with(
+                    "SubDevice 1: 6072:00 was 2000, which no jog by this file writes, and is 3000 again"
+                ),
             "{findings:?}"
         );
         assert_eq!(guide.record.jogged, []);
