@@ -43,7 +43,7 @@ impl fmt::Display for NoSubDevices {
             NoSubDevices::AnotherMainDevice => {
                 "frames of another MainDevice arrived, none of our own came back"
             }
-            NoSubDevices::NothingBack => "nothing came back (wrong interface, the segment has no power, or the cable to it damages every frame: change that)",
+            NoSubDevices::NothingBack => "nothing came back (wrong interface, the segment has no power, a ring whose other end is plugged in, too, or the cable to it damages every frame: change that)",
             NoSubDevices::Unanswered => "frames came back, but their working counter was 0",
         })
     }

@@ -294,6 +294,8 @@ impl<'a, C: Clock> Guide<'a, C> {
     }
 
     fn steps(&mut self) -> Result<Ended, SetupError> {
+        // Before anybody is looked at, which tells who lost his supply no more.
+        self.see_who_lost_supply()?;
         if !self.finish_alias()? {
             return Ok(Ended::Left(None));
         }
@@ -327,7 +329,7 @@ impl<'a, C: Clock> Guide<'a, C> {
                 Step::Parameters => self.parameters()?,
                 Step::Name => self.name_all()?,
                 Step::Brake => self.brakes()?,
-                Step::File => self.finds_all()?,
+                Step::File => self.is_startable()?,
                 Step::FirstMetre => self.first_metre()?,
                 Step::Calibration => self.calibrate()?,
             };
@@ -352,6 +354,15 @@ impl<'a, C: Clock> Guide<'a, C> {
         self.record.drives = drives;
         self.are_enough(self.record.drives.len())?;
         Ok(goes_on)
+    }
+
+    /// A start of the robot finds everybody by the file; else what drives are found by is asked again.
+    fn is_startable(&mut self) -> Result<bool, SetupError> {
+        let is_so = self.finds_all()?;
+        if !is_so {
+            self.record.done.retain(|step| *step != Step::Name);
+        }
+        Ok(is_so)
     }
 
     fn left(&mut self) -> Result<Ended, SetupError> {

@@ -247,7 +247,7 @@ pub struct Record {
 }
 
 /// What of findings jogs left in drives.
-pub(crate) const LEFT: &str = "left";
+pub(crate) const LEFT: &str = "left by jogs";
 
 /// What of findings is of a step, for one wheel or the whole robot.
 fn tried(step: Step, wheel: Option<&str>) -> String {

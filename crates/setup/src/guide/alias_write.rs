@@ -174,7 +174,7 @@ impl<C: Clock> Guide<'_, C> {
         if bus.subdevice(position).is_ok_and(|one| one.broken.is_none()) {
             return Ok(true);
         }
-        Ok(self.are_switched_off_and_on()?.is_some())
+        self.are_switched_off_and_on()
     }
 }
 

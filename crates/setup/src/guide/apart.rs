@@ -12,7 +12,7 @@ use super::{
 use crate::record::{FoundDevice, FoundDrive, Step};
 
 /// What of findings wheels have no drive.
-pub(super) const UNDRIVEN: &str = "undriven";
+pub(super) const UNDRIVEN: &str = "wheels without a drive";
 
 impl<C: Clock> Guide<'_, C> {
     /// Takes from `drives` who turns no wheel: by the robot's file, and by what somebody says where that can't tell. `false` where he
@@ -32,11 +32,9 @@ impl<C: Clock> Guide<'_, C> {
             let what = if kind == "axis" { "an axis".to_owned() } else { format!("kind `{kind}`") };
             self.leave_alone(drives, &drive, &format!("is `{name}` of the file, {what}"));
         }
-        let was_apart = |drive: &FoundDrive| {
-            self.record.others.iter().any(|one| one.is_apart_by_word && one.position == drive.position)
-        };
         // Who isn't among the drives any more was set apart before.
-        let mut said: Vec<FoundDrive> = on_bus.iter().map(seen).filter(was_apart).collect();
+        let mut said: Vec<FoundDrive> =
+            on_bus.iter().map(seen).filter(|drive| self.was_apart(drive)).collect();
         said.retain(|one| drives.iter().all(|drive| drive.position != one.position));
         for drive in self.unclear(drives) {
             // Nobody else may be left over by now.
@@ -106,11 +104,13 @@ impl<C: Clock> Guide<'_, C> {
         if drives.len() >= self.plan.drives.len() && !self.record.has_found(UNDRIVEN) {
             return;
         }
-        let is_apart = |one: &FoundDrive| {
-            self.record.others.iter().any(|other| other.is_apart_by_word && other.position == one.position)
-        };
-        drives.extend(self.drives_on(bus).into_iter().filter(is_apart));
+        drives.extend(self.drives_on(bus).into_iter().filter(|drive| self.was_apart(drive)));
         drives.sort_by_key(|one| one.position);
+    }
+
+    /// Whether somebody said before that it turns no wheel.
+    fn was_apart(&self, drive: &FoundDrive) -> bool {
+        self.record.others.iter().any(|one| one.is_apart_by_word && one.position == drive.position)
     }
 
     /// Whoever was there and is in no table of the file is there still, or gone for good: the file would do without him. `false` where
@@ -166,8 +166,8 @@ impl<C: Clock> Guide<'_, C> {
         }
     }
 
-    /// Drives of which nobody knows whether they turn a wheel: one of too many, or of another product than wheels have by the file
-    /// where not all are alike.
+    /// Drives of which nobody knows whether they turn a wheel: one of too many, of another product than wheels have by the file where not
+    /// all are alike, or one of whom the contrary was said.
     fn unclear(&self, drives: &[FoundDrive]) -> Vec<FoundDrive> {
         let is_seen = |plan: &DrivePlan| drives.iter().any(|one| one.wheel.as_ref() == Some(&plan.name));
         if self.plan.drives.iter().all(is_seen) {
@@ -180,8 +180,9 @@ impl<C: Clock> Guide<'_, C> {
             let mut of_wheels = self.plan.drives.iter().filter(|plan| plan.identity.product_code.is_some());
             of_wheels.any(|plan| is_product(plan, one))
         };
-        let is_unclear =
-            |one: &&FoundDrive| one.wheel.is_none() && (are_many || are_mixed && !is_of_wheel(one));
+        let is_unclear = |one: &&FoundDrive| {
+            one.wheel.is_none() && (are_many || are_mixed && !is_of_wheel(one) || self.was_apart(one))
+        };
         drives.iter().filter(is_unclear).cloned().collect()
     }
 }

@@ -47,28 +47,9 @@ impl<C: Clock> Guide<'_, C> {
                 );
                 continue;
             }
-            for (index, subindex, was) in &drive.was {
-                let object = ObjectAddress::new(*index, *subindex);
-                let now = bus.sdo_read(drive.position, object, SdoAccess::Entry).ok();
-                if now.as_ref() == Some(was) {
-                    continue;
-                }
-                let (position, before) = (drive.position, number(was));
-                if let Err(error) = bus.sdo_write(position, object, was) {
-                    fail(
-                        drive,
-                        format!(
-                            "SubDevice {position}: {object} was {before}, and can't be put back: {error}"
-                        ),
-                    );
-                } else if let Some(now) = now.filter(|now| !self.is_of_jog(drive, object, now)) {
-                    written_over.push(format!(
-                        "SubDevice {position}: {object} was {}, which no jog by this file writes, and is {before} again, as before it was jogged: \
-                         who set it since sets it again",
-                        number(&now)
-                    ));
-                }
-            }
+            let [refused, over] = self.write_back(bus, drive);
+            refused.into_iter().for_each(|text| fail(drive, text));
+            written_over.extend(over);
         }
         for drive in &self.record.drives {
             let has = |object| drive.was.iter().any(|(index, subindex, _)| (*index, *subindex) == object);
@@ -97,7 +78,7 @@ impl<C: Clock> Guide<'_, C> {
                 fail(
                     one,
                     format!(
-                        "{} was jogged and isn't among the drives that were found: its max torque, mode and synchronisation are as the jog left them",
+                        "{} was jogged and isn't among the drives that may turn a wheel: its max torque, mode and synchronisation are as the jog left them",
                         who(one)
                     ),
                 );
@@ -106,6 +87,51 @@ impl<C: Clock> Guide<'_, C> {
         self.record.jogged.retain(|one| failed.iter().any(|(drive, _)| has_its_numbers(drive, one)));
         written_over.into_iter().for_each(|text| self.tell_found(text));
         self.tell_found_of(LEFT, failed.into_iter().map(|(_, text)| text).collect());
+    }
+
+    /// What one drive held; in words what it refuses, and what somebody set since.
+    fn write_back(&self, bus: &mut AnyBus<C>, drive: &FoundDrive) -> [Vec<String>; 2] {
+        let [mut refused, mut over] = [Vec::new(), Vec::new()];
+        let position = drive.position;
+        for (index, subindex, was) in &drive.was {
+            let object = ObjectAddress::new(*index, *subindex);
+            let now = bus.sdo_read(position, object, SdoAccess::Entry).ok();
+            if now.as_ref() == Some(was) {
+                continue;
+            }
+            let before = number(was);
+            if let Err(error) = bus.sdo_write(position, object, was) {
+                refused.push(format!(
+                    "SubDevice {position}: {object} was {before}, and can't be put back: {error}"
+                ));
+            } else if let Some(now) = now.filter(|now| !self.is_of_jog(drive, object, now)) {
+                over.push(format!(
+                    "SubDevice {position}: {object} was {}, which no jog by this file writes, and is {before} again, as before it was jogged: \
+                     who set it since sets it again",
+                    number(&now)
+                ));
+            }
+        }
+        [refused, over]
+    }
+
+    /// Whoever was jogged and is told from all others by his serial number gets back what he held, whether he turns a wheel or not.
+    pub(super) fn put_back_known(&mut self, bus: &mut AnyBus<C>, drives: &mut [FoundDrive]) {
+        for drive in drives {
+            let is_its = |one: &FoundDrive| has_its_numbers(one, drive);
+            let there = bus.subdevices().iter().map(seen).filter(is_its).count();
+            let mut its = self.record.jogged.iter().filter(|one| is_its(one)).peekable();
+            let is_jogged = its.peek().is_some();
+            let is_told_apart = drive.serial != 0 && there == 1 && its.all(|one| !one.has_twins);
+            if !is_jogged || !is_told_apart || !recall(&self.record.jogged, drive).is_empty() {
+                continue;
+            }
+            let [refused, over] = self.write_back(bus, drive);
+            over.into_iter().for_each(|text| self.tell_found(text));
+            if refused.is_empty() {
+                self.record.jogged.retain(|one| !has_its_numbers(one, drive));
+            }
+        }
     }
 
     /// Whether a jog may have written this: its limit, or none by whoever maps it; what it writes itself otherwise; what the file asks.

@@ -122,6 +122,11 @@ fn stopped(plan: &RobotPlan, record: &CycleRecord) -> String {
     }
 }
 
+/// What of findings is of a way that is driven.
+fn driven(way: &Way) -> String {
+    format!("way {}", way.name)
+}
+
 /// How far it went of what was told: along its way, or round.
 fn gone(way: &Way, pose: Pose2, turned_rad: f64) -> f64 {
     match way.name {
@@ -274,7 +279,7 @@ impl<C: Clock> Guide<'_, C> {
                     Ok(choice) if choice == "again" => continue,
                     Ok(_) => {
                         let text = format!("{}: not driven to its end: {}", way.name, drive.words);
-                        self.record.found_of(way.name, vec![text]);
+                        self.record.found_of(&driven(way), vec![text]);
                         return Ok(Ok(false));
                     }
                     Err(Leave) => return Ok(Err(Leave)),
@@ -286,7 +291,7 @@ impl<C: Clock> Guide<'_, C> {
                 Ok(Some(leg)) => {
                     self.record.legs.retain(|other| other.name != leg.name);
                     self.record.legs.push(leg);
-                    self.record.found_of(way.name, Vec::new());
+                    self.record.found_of(&driven(way), Vec::new());
                     if *way == WAYS[0] && self.record.passed_over_of(Step::FirstMetre).is_some() {
                         self.record.make_good(Step::FirstMetre, None);
                         self.record.note(format!("done: {}", Step::FirstMetre.words()));
@@ -313,7 +318,7 @@ impl<C: Clock> Guide<'_, C> {
                 "{}: it went {seen} where {expected} was told: its wheels' places or order in `platform` aren't as they are on the robot",
                 way.name
             );
-            self.tell_found_of(way.name, vec![text]);
+            self.tell_found_of(&driven(way), vec![text]);
             let text =
                 "drive it again; or leave, put the file that you began with right, and begin anew".to_owned();
             self.choose(format!("wrong {}", way.name), text, &["again".to_owned()])?;

@@ -21,11 +21,6 @@ const COUNTS: [f64; 2] = [1.0, 4_294_967_295.0];
 /// A drive that is enabled without being told a speed may creep by so much of a wheel's turn.
 const CREEP_TURNS: f64 = 0.005;
 
-/// What of findings is of a jog.
-fn jogged(position: u16) -> String {
-    format!("jog of {position}")
-}
-
 /// What a drive does while the key is held.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Motion {
@@ -211,7 +206,7 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Whether a drive is jogged again after what went wrong, which is found.
     fn again_after(&mut self, position: u16, trouble: String) -> Result<bool, Leave> {
-        self.tell_found_of(&jogged(position), vec![trouble]);
+        self.tell_found(trouble);
         self.again(position)
     }
 
@@ -230,8 +225,7 @@ impl<C: Clock> Guide<'_, C> {
         match wheel.as_str() {
             "again" => return Ok(true),
             "none" => {
-                let text = format!("SubDevice {position}: no wheel was seen to turn");
-                self.record.found_of(&jogged(position), vec![text]);
+                self.record.found(format!("SubDevice {position}: no wheel was seen to turn"));
                 let choices = ["again", "leave it out"].map(str::to_owned);
                 let text = "jog it again, or leave it out (it drives no wheel)?".to_owned();
                 return Ok(self.choose(format!("again {position}"), text, &choices)? == "again");
@@ -242,7 +236,7 @@ impl<C: Clock> Guide<'_, C> {
             let text = format!(
                 "SubDevice {position}: {wheel} was seen to turn, but its position (0x6064) didn't change"
             );
-            self.tell_found_of(&jogged(position), vec![text]);
+            self.tell_found(text);
             let choices = ["again", "leave it out"].map(str::to_owned);
             let text = "look at its encoder; jog it again, or leave it out for now?".to_owned();
             return Ok(self.choose(format!("again {position}"), text, &choices)? == "again");
@@ -268,7 +262,6 @@ impl<C: Clock> Guide<'_, C> {
         drive.counts_per_revolution = Some(counts_per_revolution);
         drive.gear_ratio = Some(gear_ratio);
         drive.wheel = Some(wheel.clone());
-        self.record.found_of(&jogged(position), Vec::new());
         self.compare_with_file(number, &wheel);
         self.kept();
         Ok(true)
@@ -337,7 +330,7 @@ impl<C: Clock> Guide<'_, C> {
         if drive.turned != Some(of_file) {
             differs.push(format!("{wheel}: it turns the other way than the file says"));
         }
-        self.tell_found_of(wheel, differs);
+        self.tell_found_of(&format!("wiring of {wheel}"), differs);
     }
 
     /// Each wheel's drive enabled without moving; `false` where it is left.

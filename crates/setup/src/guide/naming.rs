@@ -34,6 +34,10 @@ impl<C: Clock> Guide<'_, C> {
             if self.finds_all()? {
                 return Ok(true);
             }
+            // Who has a name of his own isn't asked again.
+            if !self.record.drives.iter().any(|drive| drive.wheel.is_some() && drive.is_by_position) {
+                break;
+            }
         }
         Ok(false)
     }
@@ -127,8 +131,9 @@ impl<C: Clock> Guide<'_, C> {
         if written.is_empty() {
             return Ok(true);
         }
-        let Some(lost) = self.are_switched_off_and_on()? else { return Ok(false) };
-        self.see_as_stored(&lost)?;
+        if !self.are_switched_off_and_on()? {
+            return Ok(false);
+        }
         let bus = self.scanned()?;
         for (number, alias) in written {
             let drive = &mut self.record.drives[number];
@@ -155,10 +160,10 @@ impl<C: Clock> Guide<'_, C> {
         Ok(true)
     }
 
-    /// Somebody does it, as what stands in EEPROMs counts from then on: who lost his supply; `None` where it is left.
-    pub(super) fn are_switched_off_and_on(&mut self) -> Result<Option<Vec<u16>>, SetupError> {
+    /// Somebody does it, as what stands in EEPROMs counts from then on; `false` where it is left.
+    pub(super) fn are_switched_off_and_on(&mut self) -> Result<bool, SetupError> {
         let text = "switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they are up";
-        self.are_up("power".to_owned(), text.to_owned())
+        Ok(self.are_up("power".to_owned(), text.to_owned())?.is_some())
     }
 
     /// An alias that nobody has, asked for.

@@ -19,7 +19,7 @@ use crate::record::{FoundDrive, Record, Step};
 /// The profile of drives in 0x1000.
 const DRIVES: u32 = 402;
 /// What of findings drives add to what they are told.
-const OFFSET: &str = "offset";
+const OFFSET: &str = "added by drives";
 /// "save" in 0x1010:01.
 const SAVE: u32 = 0x6576_6173;
 
@@ -76,6 +76,7 @@ impl<C: Clock> Guide<'_, C> {
         let text = format!("{} drives, and {others} SubDevices that are none", drives.len());
         self.hand.tell(&text);
         self.record.note(text);
+        self.put_back_known(&mut bus, &mut drives);
         if !self.set_apart(bus.subdevices(), &mut drives)? {
             return Ok(false);
         }
@@ -128,7 +129,7 @@ impl<C: Clock> Guide<'_, C> {
                 found.push(text);
             }
         }
-        self.tell_found_of("drives", found);
+        self.tell_found_of("said by drives", found);
         if let Err(error) = self.are_enough(drives.len()) {
             // What a jog left in those that are there is put back all the same.
             if !self.record.jogged.is_empty() {

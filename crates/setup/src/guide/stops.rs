@@ -1,5 +1,7 @@
 //! The emergency stop, pressed while each drive is enabled.
 
+use std::collections::BTreeSet;
+
 use omnibase_ethercat::transaction::Access;
 use omnibase_ethercat::wire::{Clock, register};
 use omnibase_ethercat::{Bus, BusOptions};
@@ -7,9 +9,9 @@ use omnibase_ethercat::{Bus, BusOptions};
 use super::at_start::MAX_TORQUE;
 use super::jogging::Motion;
 use super::reading::held;
-use super::{ATTEMPTS, Guide, Leave, SetupError, has_its_numbers};
+use super::{ATTEMPTS, Guide, Leave, SetupError, has_its_numbers, seen};
 use crate::jog::JogEnd;
-use crate::record::{Record, Step};
+use crate::record::{FoundDrive, Record, Step};
 
 /// How long a drive is enabled while somebody goes to press it, s.
 const PRESSED_WITHIN_S: f64 = 30.0;
@@ -99,16 +101,9 @@ impl<C: Clock> Guide<'_, C> {
         }
         let text = "release the emergency stop, reset what your safety circuit asks for, and wait until the drives are up"
             .to_owned();
-        let Some(mut lost) = self.are_up(format!("release {number}"), text)? else { return Ok(Tried::Left) };
-        if jog.end != JogEnd::Lost {
-            lost.clear();
-        }
+        let Some(lost) = self.are_up(format!("release {number}"), text)? else { return Ok(Tried::Left) };
         let end = jog.end.to_string();
         let position = self.record.drives[number].position;
-        // A stop that was seen isn't lost for it: whoever isn't there is told at the next motion.
-        if let Err(error) = self.see_as_stored(&lost) {
-            self.hand.tell(&error.to_string());
-        }
         Ok(match (jog.end, is_pressed) {
             (JogEnd::Lost, Some(true)) if lost.contains(&position) => {
                 Tried::Stopped("its drive lost its supply".to_owned())
@@ -129,20 +124,27 @@ impl<C: Clock> Guide<'_, C> {
         })
     }
 
-    /// Somebody says that the drives are up: which of them lost their supply meanwhile. Asked again until as many SubDevices answer as
-    /// drives need; `None` where it is left.
+    /// Somebody says that the drives are up: which of them lost their supply meanwhile; these hold what is stored in them. Asked again
+    /// until as many SubDevices answer as drives need, and those can be asked; `None` where it is left.
     pub(super) fn are_up(&mut self, id: String, text: String) -> Result<Option<Vec<u16>>, SetupError> {
         let needed = self.record.drives.iter().map(|drive| drive.position + 1).max().unwrap_or(0);
+        // Whoever was scanned once has an address again.
+        let mut all_lost = Vec::new();
         for _ in 0..ATTEMPTS {
             if self.choose(id.clone(), text.clone(), &["done".to_owned()]).is_err() {
                 return Ok(None);
             }
-            match self.who_lost_supply(needed)? {
-                Ok(lost) => return Ok(Some(lost)),
-                Err(there) => self.hand.tell(&format!(
-                    "{there} SubDevices answer, and at least {needed} are needed: wait until all drives are up, and say it again"
-                )),
-            }
+            let problem = match self.who_lost_supply(needed)? {
+                Ok(lost) => {
+                    all_lost.extend(lost);
+                    match self.see_as_stored(&all_lost) {
+                        Ok(()) => return Ok(Some(all_lost)),
+                        Err(error) => error.to_string(),
+                    }
+                }
+                Err(there) => format!("{there} SubDevices answer, and at least {needed} are needed"),
+            };
+            self.hand.tell(&format!("{problem}: wait until all drives are up, and say it again"));
         }
         Ok(None)
     }
@@ -160,29 +162,47 @@ impl<C: Clock> Guide<'_, C> {
             let address = Access::read_at("the station address", *position, register::STATION_ADDRESS, 2);
             bus.transactor().perform_one(address).is_ok_and(|read| read.data == [0, 0])
         };
-        Ok(Ok(self.record.drives.iter().map(|drive| drive.position).filter(has_lost).collect()))
+        let Record { drives, jogged, .. } = &self.record;
+        let positions: BTreeSet<u16> = drives.iter().chain(jogged).map(|drive| drive.position).collect();
+        Ok(Ok(positions.into_iter().filter(has_lost).collect()))
     }
 
     /// Drives that lost their supply hold what is stored in them: nothing of what they held before a jog.
     pub(super) fn see_as_stored(&mut self, lost: &[u16]) -> Result<(), SetupError> {
-        if lost.is_empty() {
+        let is_lost = |one: &&FoundDrive| lost.contains(&one.position);
+        let jogged: Vec<FoundDrive> = self.record.jogged.iter().filter(is_lost).cloned().collect();
+        if jogged.is_empty() {
             return Ok(());
         }
         let mut bus = self.bus()?;
         self.are_those_found(&bus)?;
         let limit = self.wished.torque_per_mille.to_le_bytes();
-        let Record { drives, jogged, .. } = &mut self.record;
-        for drive in drives.iter_mut().filter(|drive| lost.contains(&drive.position)) {
-            let stored = held(&mut bus, &self.plan, drive);
+        for one in jogged {
+            let now = bus.subdevices().get(usize::from(one.position)).map(seen);
+            if !now.is_some_and(|now| has_its_numbers(&one, &now)) {
+                continue;
+            }
+            let stored = held(&mut bus, &self.plan, &one);
             // One that stores by itself may hold the jog's limit: what is known of it stays.
             let is_no_jogs =
                 |(index, _, bytes): &(u16, u8, Vec<u8>)| *index == MAX_TORQUE && bytes[..] != limit;
             if stored.iter().any(is_no_jogs) {
-                drive.was = stored;
-                jogged.retain(|one| one.position != drive.position || !has_its_numbers(one, drive));
+                let is_it =
+                    |other: &FoundDrive| other.position == one.position && has_its_numbers(other, &one);
+                let Record { drives, jogged, .. } = &mut self.record;
+                drives.iter_mut().filter(|drive| is_it(drive)).for_each(|drive| drive.was = stored.clone());
+                jogged.retain(|other| !is_it(other));
             }
         }
         self.kept();
         Ok(())
+    }
+
+    /// The same of those who lost it since they were looked at last.
+    pub(super) fn see_who_lost_supply(&mut self) -> Result<(), SetupError> {
+        match self.who_lost_supply(0)? {
+            Ok(lost) => self.see_as_stored(&lost),
+            Err(_) => Ok(()),
+        }
     }
 }

@@ -379,3 +379,36 @@ fn a_subdevice_that_is_gone_when_the_set_up_is_taken_up_is_asked_for() {
         assert_eq!(hand.asked, ["gone 3"]);
     }
 }
+
+/// A drive that an earlier set-up jogged, begun anew and said to turn no wheel: it gets back what it held, also where the set-up is left
+/// there, or ends for another device of the file.
+#[test]
+fn who_was_jogged_and_turns_no_wheel_gets_back_what_it_held() {
+    let (link, clock) = segment_of("[[subdevice]]\nkind = \"sgdv\"\ncount = 4\nserial = 1\n");
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let wrong = format!("{BASE}\n[[device]]\nname = \"lift\"\nalias = 9\nkind = \"ignore\"\n");
+    for (base, first, is_left) in
+        [(BASE, Some("no wheel"), false), (BASE, None, true), (wrong.as_str(), None, true)]
+    {
+        let mut record = Record::default();
+        with_found(BASE, &mut open, &mut Says("wheel"), |guide| {
+            guide.operational().unwrap();
+            record.jogged = guide.record.jogged.clone();
+        });
+        assert_ne!(max_torque_and_mode(&link, &clock, 0)[0], 3000_u16.to_le_bytes());
+        let mut hand = Notes::new(|id| if id == "role 0" { first } else { Some("wheel") });
+        with_record(base, record, &mut open, &mut hand, |guide| {
+            let is_found = guide.find().unwrap_or(false);
+            assert_eq!((is_found, guide.record.jogged.len()), (!is_left, 0));
+            assert!(is_left || positions(&guide.record) == [1, 2, 3]);
+        });
+        for position in 0..4 {
+            assert_eq!(
+                max_torque_and_mode(&link, &clock, position)[0],
+                3000_u16.to_le_bytes(),
+                "{base} {position}"
+            );
+        }
+    }
+}

@@ -83,3 +83,34 @@ fn a_drive_that_lost_its_supply_keeps_what_is_stored_in_it() {
         assert_eq!(max_torques(&link, &clock), [first, 1100, 1100], "{is_stop} {is_jogs}");
     }
 }
+
+/// Left while it was dark: what is stored in it counts all the same, for the first look shows that its supply was gone.
+#[test]
+fn a_drive_that_lost_its_supply_while_the_set_up_was_left_keeps_what_is_stored_in_it() {
+    let tables = "[[subdevice]]\nkind = \"sgdv\"\ncount = 3\nserial = 1\n";
+    let segment = omnibase_ethercat_sim::SegmentFile::parse(tables).unwrap();
+    let mut segment = segment.build(std::path::Path::new(".")).unwrap();
+    let injector = segment.injector();
+    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+    let link = Powered(Rc::new(RefCell::new(link)));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let stored = max_torques(&link, &clock)[0];
+    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+    by_tool(&link, &clock).sdo_write(0, torque, &1100_u16.to_le_bytes()).unwrap();
+    let mut record = Record::default();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        (guide.record.done, guide.record.robot) = (vec![Step::Find], Some(guide.robot()));
+        record = guide.record.clone();
+    });
+    for fault in [Fault::PowerOff, Fault::PowerOn] {
+        injector.inject(0, fault);
+    }
+    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
+        assert_eq!(guide.run().unwrap(), Ended::Left(None));
+        assert_eq!(guide.record.jogged, []);
+    });
+    assert_eq!(max_torques(&link, &clock), [stored; 3]);
+    assert_ne!(stored, 1100);
+}
