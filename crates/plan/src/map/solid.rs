@@ -10,6 +10,8 @@ const TOUCH: f64 = 1e-9;
 pub struct Solid {
     corners: Vec<Point>,
     sides: Vec<Side>,
+    /// Of a convex one the sides' directions outwards, and how far out they lie; else none.
+    normals: Vec<(Point, f64)>,
     low: Point,
     high: Point,
 }
@@ -33,13 +35,19 @@ impl Solid {
             let square = way[0] * way[0] + way[1] * way[1];
             Side { from: *from, way, per_square: if square > 0.0 { 1.0 / square } else { 0.0 } }
         };
-        let sides = corners.iter().enumerate().map(side).collect();
-        Solid { corners, sides, low, high }
+        let sides: Vec<Side> = corners.iter().enumerate().map(side).collect();
+        let normals = normals(&sides);
+        Solid { corners, sides, normals, low, high }
     }
 
     /// Its corners, in cells.
     pub(crate) fn corners(&self) -> &[Point] {
         &self.corners
+    }
+
+    /// Of a convex one the sides' directions outwards, and how far out they lie, in cells; else none.
+    pub(crate) fn normals(&self) -> &[(Point, f64)] {
+        &self.normals
     }
 
     fn is_near(&self, low: Point, high: Point) -> bool {
@@ -78,6 +86,23 @@ impl Solid {
         let squares = self.sides.iter().map(|side| side.square_distance([x, y]));
         squares.fold(enough * enough, f64::min).sqrt()
     }
+}
+
+/// The directions outwards of a convex polygon's sides, and how far out they lie; none of another one.
+fn normals(sides: &[Side]) -> Vec<(Point, f64)> {
+    let turns_left = |way: Point, next: Point| way[0] * next[1] - way[1] * next[0];
+    let area: f64 = sides.iter().map(|side| turns_left(side.from, side.way)).sum();
+    let outwards = |side: &Side| {
+        let [x, y] = side.way.map(|part| part * side.per_square.sqrt() * area.signum());
+        ([y, -x], y * side.from[0] - x * side.from[1])
+    };
+    let normals: Vec<(Point, f64)> =
+        sides.iter().filter(|side| side.per_square > 0.0).map(outwards).collect();
+    let holds = |side: &Side| {
+        let out = |(normal, far): &(Point, f64)| normal[0] * side.from[0] + normal[1] * side.from[1] - far;
+        normals.iter().all(|normal| out(normal) <= TOUCH)
+    };
+    if sides.iter().all(holds) { normals } else { Vec::new() }
 }
 
 /// The least and the greatest coordinates of corners.
