@@ -94,7 +94,7 @@ const NEAR: isize = 2;
 
 /// The way from one pose to another.
 pub fn plan(task: &Task<'_>) -> Result<Plan, PlanError> {
-    let found = Planner::new(task)?.plan();
+    let found = Planner::new(task, true)?.plan();
     // A search that was ended found nothing either.
     if found.is_err() && task.until.is_over() { Err(PlanError::Ended) } else { found }
 }
@@ -129,10 +129,12 @@ struct Planner<'a> {
     ends: [Pose2; 2],
     /// Where it stands, and shall stand, where that is nearer to something, in cells.
     tips: [Option<Pose2>; 2],
+    /// Whether passages are looked at in finer cells, too.
+    is_coarse: bool,
 }
 
 impl<'a> Planner<'a> {
-    fn new(task: &Task<'a>) -> Result<Self, PlanError> {
+    fn new(task: &Task<'a>, is_coarse: bool) -> Result<Self, PlanError> {
         if !(0.0..=10.0).contains(&task.clearance_m) {
             return Err(PlanError::Clearance { found_m: task.clearance_m });
         }
@@ -167,7 +169,7 @@ impl<'a> Planner<'a> {
             (outs[number] != asked).then(|| Pose2 { heading_rad, ..checker.in_cells(&asked) })
         };
         let tips = [tip(0, task.from), tip(1, task.to)];
-        Ok(Planner { task: *task, checker, clearance_m, ends, tips })
+        Ok(Planner { task: *task, checker, clearance_m, ends, tips, is_coarse })
     }
 
     fn plan(mut self) -> Result<Plan, PlanError> {
@@ -233,7 +235,11 @@ impl<'a> Planner<'a> {
         if plans.is_empty() {
             least?;
         }
-        let ways = match Turning::new(&mut coarse, discs.outer, discs.inner, [0; 2]) {
+        // In finer cells everything takes too long.
+        if !self.is_coarse {
+            return plans.into_iter().next().ok_or(PlanError::NoTurn);
+        }
+        let ways = match Turning::new(&mut coarse, discs.outer, discs.inner, space.clearance(), [0; 2]) {
             Some(mut turning) => turning.shortest(&self.ends[0], &self.ends[1]),
             None if plans.is_empty() => {
                 return Err(PlanError::TooLarge { found: space.clearance().len() });

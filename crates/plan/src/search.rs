@@ -276,10 +276,10 @@ impl<'a> Search<'a> {
     pub fn widest(&self, from: usize, to: usize) -> f32 {
         let mut best = vec![-1.0_f32; self.clearance.len()];
         best[from] = self.clearance[from];
-        // Keys rise where room falls.
+        // Keys rise where room falls, finely: within one key of the queue cells come in any order.
         let most = self.clearance.iter().copied().fold(0.0, f32::max);
         let mut queue = self.queue();
-        queue.add(most - best[from], from);
+        queue.add(KEYS * (most - best[from]), from);
         while let Some(at) = queue.next() {
             if at == to {
                 break;
@@ -290,7 +290,7 @@ impl<'a> Search<'a> {
                 let room = best[at].min(self.clearance[*next]);
                 if room > best[*next] {
                     best[*next] = room;
-                    queue.add(most - room, *next);
+                    queue.add(KEYS * (most - room), *next);
                 }
             }
         }
@@ -302,5 +302,7 @@ fn distance([ax, ay]: [f32; 2], [bx, by]: [f32; 2]) -> f32 {
     ((ax - bx) * (ax - bx) + (ay - by) * (ay - by)).sqrt()
 }
 
+/// Of the room that is looked for, keys in one of ways.
+const KEYS: f32 = 16.0;
 /// Rounds of pulling.
 const MOST_PULLS: usize = 50;

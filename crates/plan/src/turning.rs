@@ -92,15 +92,16 @@ pub struct Turning<'a, 'c> {
 }
 
 impl<'a, 'c> Turning<'a, 'c> {
-    /// For a footprint with the room that is kept, by the searches of its outer disc and of its inner one in a part of the map that begins at a
-    /// column and a row; `None` where it is too large.
+    /// For a footprint with the room that is kept, by the searches of its outer disc and of its inner one, and each cell's clearance, in a part of
+    /// the map that begins at a column and a row; `None` where it is too large.
     pub(crate) fn new(
         checker: &'c mut Checker<'a>,
         outer: Search<'c>,
         inner: Search<'c>,
+        clearance: &'c [f32],
         low: [usize; 2],
     ) -> Option<Self> {
-        let cells = outer.clearance().len();
+        let cells = clearance.len();
         if cells > MOST_TURNING_CELLS {
             return None;
         }
@@ -113,7 +114,7 @@ impl<'a, 'c> Turning<'a, 'c> {
         let smaller = checker.smaller(FIT);
         Some(Turning {
             smaller,
-            clearance: outer.clearance(),
+            clearance,
             fitted: HashMap::new(),
             fits_everywhere: false,
             checker,

@@ -80,11 +80,26 @@ impl Solid {
         if !self.is_within([x, y], enough) {
             return enough;
         }
-        if self.holds([x, y]) {
-            return 0.0;
+        if self.normals.is_empty() {
+            if self.holds([x, y]) {
+                return 0.0;
+            }
+            let squares = self.sides.iter().map(|side| side.square_distance([x, y]));
+            return squares.fold(enough * enough, f64::min).sqrt();
         }
-        let squares = self.sides.iter().map(|side| side.square_distance([x, y]));
-        squares.fold(enough * enough, f64::min).sqrt()
+        // What is nearest of a convex one lies on a side that the place is beyond.
+        let (mut square, mut is_inside) = (enough * enough, true);
+        for (side, (normal, far)) in self.sides.iter().zip(&self.normals) {
+            let out = normal[0] * x + normal[1] * y - far;
+            if out >= enough {
+                return enough;
+            }
+            if out > 0.0 || out.is_nan() {
+                is_inside = false;
+                square = square.min(side.square_distance([x, y]));
+            }
+        }
+        if is_inside { 0.0 } else { square.sqrt() }
     }
 }
 
@@ -96,13 +111,12 @@ fn normals(sides: &[Side]) -> Vec<(Point, f64)> {
         let [x, y] = side.way.map(|part| part * side.per_square.sqrt() * area.signum());
         ([y, -x], y * side.from[0] - x * side.from[1])
     };
-    let normals: Vec<(Point, f64)> =
-        sides.iter().filter(|side| side.per_square > 0.0).map(outwards).collect();
+    let normals: Vec<(Point, f64)> = sides.iter().map(outwards).collect();
     let holds = |side: &Side| {
         let out = |(normal, far): &(Point, f64)| normal[0] * side.from[0] + normal[1] * side.from[1] - far;
         normals.iter().all(|normal| out(normal) <= TOUCH)
     };
-    if sides.iter().all(holds) { normals } else { Vec::new() }
+    if sides.iter().all(|side| side.per_square > 0.0 && holds(side)) { normals } else { Vec::new() }
 }
 
 /// The least and the greatest coordinates of corners.

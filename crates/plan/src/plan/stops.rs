@@ -5,21 +5,27 @@
 
 use omnibase_platform::{Pose2, wrap_angle_rad};
 
-use super::{By, Plan, Planner, length};
+use super::{By, Plan, Planner, Task, length};
 use crate::along::{self, Places};
 use crate::gaps::{Gaps, Part};
 use crate::search::Search;
-use crate::space::Checker;
+use crate::space::{Checker, Space};
 use crate::turning::{Place, Turning};
 
 /// Most places that stop it before everything is looked at.
-const MOST_STOPS: usize = 16;
+const MOST_STOPS: usize = 6;
 /// The disc's next way may be so many times as long as its first one, before a way past the place is looked for.
-const NEXT: f64 = 1.003;
+const NEXT: f64 = 1.005;
 /// A way past a place may be so many times as long as the disc's, before another one is looked for.
 const LONGER: f64 = 1.01;
 /// And so many times, before everything is looked at.
 const FAR_LONGER: f64 = 1.05;
+/// Where the disc's next way is so many times as long, it is looked in finer cells for a way past the place, too.
+const FAR: f64 = 1.01;
+/// But only where an outline that is so much smaller gets past it, in cells.
+const SMALLER: f64 = 0.15;
+/// And in so many cells at most.
+const MOST_FINE: usize = 10_000;
 /// Beside the way it is looked as far as the farthest corner reaches, and by so many cells more.
 const BESIDE: f64 = 4.0;
 
@@ -156,6 +162,9 @@ impl Planner<'_> {
                 rest.clone_from(&way);
                 continue;
             }
+            if until.is_over() {
+                return Along::Unknown;
+            }
             let last = places.places().len() - 1;
             let stop = places.places()[(places.farthest() + 1).min(last)];
             let mut barred = gaps.clone();
@@ -168,8 +177,13 @@ impl Planner<'_> {
                 {
                     return if until.is_over() { Along::Unknown } else { Along::NoWay };
                 }
+                let look = Look {
+                    past: next.as_ref().map(|_| &barred),
+                    is_back,
+                    is_fine: next.as_ref().is_none_or(|next| length(next) > FAR * length(&way)),
+                };
                 if let Some(stop) = stop
-                    && let Some(poses) = stop.passed(self.ends[1], discs, coarse, is_back)
+                    && let Some(poses) = stop.passed(self, discs, &look, coarse)
                 {
                     done.extend(poses);
                     rest = stop.rest;
@@ -194,9 +208,19 @@ impl Planner<'_> {
     /// Whether anything gets past cells that are barred for the inner disc.
     fn may_pass(&self, discs: &Discs<'_>, past: &Search<'_>, coarse: &mut Checker<'_>) -> bool {
         let [from, to] = &self.ends;
-        Turning::new(coarse, discs.outer, discs.inner, [0; 2])
+        Turning::new(coarse, discs.outer, discs.inner, self.task.space.clearance(), [0; 2])
             .is_none_or(|mut turning| turning.may_pass(from, to, past))
     }
+}
+
+/// How it is looked past a stop.
+struct Look<'a> {
+    /// What is barred for the inner disc, where it has another way then.
+    past: Option<&'a Gaps<'a>>,
+    /// Whether from behind it.
+    is_back: bool,
+    /// Whether in finer cells, too.
+    is_fine: bool,
 }
 
 /// Where the footprint is stopped on a way.
@@ -220,30 +244,63 @@ impl Stop {
         Some(Stop { before, places: all[begin..=end].to_vec(), rest: all[end..].to_vec() })
     }
 
+    /// Where it begins and ends.
+    fn ends(&self, goal: Pose2) -> [Pose2; 2] {
+        let [from, end] = [&self.before, &self.places].map(|poses| poses[poses.len() - 1]);
+        // In the middle of its cell every heading fits.
+        let middle = Pose2::new(end.x_m.floor() + 0.5, end.y_m.floor() + 0.5, from.heading_rad);
+        [from, if self.rest.len() == 1 { goal } else { middle }]
+    }
+
     /// The poses of a way past it; `None` where none is near.
     fn passed(
         &self,
-        goal: Pose2,
+        planner: &Planner<'_>,
         discs: &Discs<'_>,
+        look: &Look<'_>,
         coarse: &mut Checker<'_>,
-        is_back: bool,
     ) -> Option<Vec<Pose2>> {
-        let (from, end) = (*self.before.last()?, *self.places.last()?);
+        let [from, mut to] = self.ends(planner.ends[1]);
         let part = discs.part(&self.places, f64::from(discs.outer.radius()) + BESIDE);
         let clearance = part.of(discs.outer.clearance());
+        let rough = part.of(planner.task.space.clearance());
         let gaps = discs.gaps.within(&part);
         let [outer, inner] = [discs.outer.of(part.size, &clearance), discs.inner.by(part.size, &gaps)];
-        // In the middle of its cell every heading fits.
-        let middle = Pose2::new(end.x_m.floor() + 0.5, end.y_m.floor() + 0.5, from.heading_rad);
-        let mut to = if self.rest.len() == 1 { goal } else { middle };
-        let found = Turning::new(coarse, outer, inner, part.low)?.passed(&from, &to, is_back)?;
+        let past = look.past.map(|past| past.within(&part));
+        let may_pass = |checker: &mut Checker<'_>| {
+            past.as_ref().is_none_or(|past| {
+                let past = discs.inner.by(part.size, past);
+                let turning = Turning::new(checker, outer, inner, &rough, part.low);
+                turning.is_none_or(|mut turning| turning.may_pass(&from, &to, &past))
+            })
+        };
+        if !coarse.smaller(SMALLER).is_none_or(|mut smaller| may_pass(&mut smaller)) {
+            return None;
+        }
+        let turning = |checker| Turning::new(checker, outer, inner, &rough, part.low);
+        let found = if may_pass(coarse) { turning(coarse)?.passed(&from, &to, look.is_back) } else { None };
+        let Some(found) = found else {
+            let is_fine = look.is_fine && planner.is_coarse && part.counts.len() <= MOST_FINE;
+            return if is_fine { self.passed_finely([from, to], planner, &part) } else { None };
+        };
         if self.rest.len() > 1 {
             to.heading_rad =
                 found.iter().rev().find_map(|place| place.heading_rad).unwrap_or(from.heading_rad);
         }
-        let mut poses = self.before.clone();
-        poses.extend(turned([from, to], &found));
-        Some(poses)
+        Some(self.before.iter().copied().chain(turned([from, to], &found)).collect())
+    }
+
+    /// The poses of a way past it that only cells half as large show.
+    fn passed_finely(&self, ends: [Pose2; 2], planner: &Planner<'_>, part: &Part) -> Option<Vec<Pose2>> {
+        let map = &planner.task.space.map;
+        let space = Space::new(map.finer(part.low, part.size).ok()?);
+        let [from, to] = ends.map(|Pose2 { x_m, y_m, heading_rad }| {
+            map.map_from_grid.then(Pose2::new(x_m * map.cell_m, y_m * map.cell_m, heading_rad))
+        });
+        let task = Task { space: &space, from, to, clearance_m: planner.clearance_m, ..planner.task };
+        let plan = Planner::new(&task, false).ok()?.plan().ok()?;
+        let poses = plan.poses.iter().map(|pose| planner.checker.in_cells(pose));
+        (plan.clearance_m >= planner.clearance_m).then(|| self.before.iter().copied().chain(poses).collect())
     }
 }
 

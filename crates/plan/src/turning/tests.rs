@@ -13,7 +13,7 @@ fn in_room<T>(space: &Space, look: impl FnOnce(&mut Turning<'_, '_>) -> T) -> T 
         [footprint.outer_radius_m(), footprint.inner_radius_m()].map(|radius_m| radius_m + ROOM_M);
     let mut checker = space.checker(&footprint, ROOM_M).coarse(ROOM_M);
     let [outer, inner] = [outer_m, inner_m].map(|radius_m| Search::new(space, space.clearance(), radius_m));
-    look(&mut Turning::new(&mut checker, outer, inner, [0; 2]).unwrap())
+    look(&mut Turning::new(&mut checker, outer, inner, space.clearance(), [0; 2]).unwrap())
 }
 
 #[test]
