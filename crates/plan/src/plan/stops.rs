@@ -12,6 +12,9 @@ use crate::search::Search;
 use crate::space::{Checker, Space};
 use crate::turning::{Place, Turning};
 
+#[cfg(test)]
+mod tests;
+
 /// Most places that stop it before everything is looked at.
 const MOST_STOPS: usize = 6;
 /// The disc's next way may be so many times as long as its first one, before a way past the place is looked for.
