@@ -14,7 +14,7 @@ mod tests;
 
 const NOBODY: u32 = u32::MAX;
 /// From place to place, in cells.
-const SPACING: f64 = 2.0;
+pub(crate) const SPACING: f64 = 2.0;
 /// From one heading to the next the farthest corner moves by about so many cells.
 const CORNER_STEP: f64 = 1.0;
 /// Headings of a place, at least and at most.
@@ -55,7 +55,7 @@ enum Stands {
 }
 
 /// The places of a way, with headings.
-pub(crate) struct Along<'a, 'c> {
+pub(crate) struct Places<'a, 'c> {
     checker: &'c mut Checker<'a>,
     /// The same for an outline that is smaller by as much as a state may stand beside its place: where it doesn't fit, the whole one doesn't.
     smaller: Option<Checker<'a>>,
@@ -69,9 +69,15 @@ pub(crate) struct Along<'a, 'c> {
     turn_cost: f32,
     /// Each state: a place and one of the headings, from that of the first end.
     stands: Vec<Stands>,
+    /// What each state costs that was reached, and from which one it was.
+    cost: Vec<f32>,
+    parent: Vec<u32>,
+    done: Vec<bool>,
+    /// The last place that was reached.
+    farthest: usize,
 }
 
-impl<'a, 'c> Along<'a, 'c> {
+impl<'a, 'c> Places<'a, 'c> {
     /// Of a way from end to end in cells, for a footprint whose farthest corner is so many cells away.
     pub(crate) fn new(way: &[Pose2], ends: [Pose2; 2], checker: &'c mut Checker<'a>, reach: f64) -> Self {
         let mut places = divided(way, SPACING, 0.0);
@@ -88,16 +94,31 @@ impl<'a, 'c> Along<'a, 'c> {
         places.iter_mut().zip(directions).for_each(|(place, direction)| place.heading_rad = direction);
         let wanted = std::f64::consts::TAU * reach / CORNER_STEP;
         let headings = ((wanted / 8.0).ceil() as usize * 8).clamp(HEADINGS[0], HEADINGS[1]);
-        Along {
+        let states = count * headings;
+        Places {
             smaller: checker.smaller(FARTHEST),
             checker,
             ends,
             left,
             headings,
             turn_cost: TURN_COST * (reach * std::f64::consts::TAU / headings as f64) as f32,
-            stands: vec![Stands::Unknown; count * headings],
+            stands: vec![Stands::Unknown; states],
+            cost: vec![0.0; states],
+            parent: vec![NOBODY; states],
+            done: vec![false; states],
+            farthest: 0,
             places,
         }
+    }
+
+    /// The places, with the way's direction as their heading.
+    pub(crate) fn places(&self) -> &[Pose2] {
+        &self.places
+    }
+
+    /// The last place that was reached.
+    pub(crate) fn farthest(&self) -> usize {
+        self.farthest
     }
 
     fn step_rad(&self) -> f64 {
@@ -139,18 +160,15 @@ impl<'a, 'c> Along<'a, 'c> {
 
     /// The poses of a way from end to end; `None` where the footprint doesn't get along.
     pub(crate) fn way(&mut self, until: Until<'_>) -> Option<Vec<Pose2>> {
-        let states = self.stands.len();
-        let (mut cost, mut parent, mut done) =
-            (vec![0.0_f32; states], vec![NOBODY; states], vec![false; states]);
         let mut queue: Queue<'_, [u32; 2]> = Queue::new(until);
         queue.add(EAGER * self.left[0], [0, NOBODY]);
         while let Some([state, before]) = queue.next() {
             let at = state as usize;
-            if done[at] {
+            if self.done[at] {
                 continue;
             }
             let Some((pose, beside)) = self.stand(at) else {
-                done[at] = true;
+                self.done[at] = true;
                 continue;
             };
             if before != NOBODY {
@@ -159,26 +177,37 @@ impl<'a, 'c> Along<'a, 'c> {
                 if !self.checker.is_free_between_in_cells(&from, &near(&from, pose)) {
                     continue;
                 }
-                cost[at] = cost[before] + self.step_cost(before, at) + BESIDE_COST * beside;
+                self.cost[at] = self.cost[before] + self.step_cost(before, at) + BESIDE_COST * beside;
             }
-            (done[at], parent[at]) = (true, before);
+            (self.done[at], self.parent[at]) = (true, before);
             let (column, heading) = (at / self.headings, at % self.headings);
+            self.farthest = self.farthest.max(column);
             if column + 1 == self.places.len() && self.is_end(&pose) {
-                return Some(self.poses(at, &parent));
+                let mut poses = self.poses(at);
+                poses.push(near(&poses[poses.len() - 1], self.ends[1]));
+                return Some(poses);
             }
             for turn in [self.headings - 1, 1, 0] {
                 let heading = (heading + turn) % self.headings;
                 let columns = if turn == 0 { column + 1..column + 2 } else { column..column + 2 };
                 for column in columns.filter(|column| *column < self.places.len()) {
                     let next = column * self.headings + heading;
-                    if !done[next] {
-                        let cost = cost[at] + self.step_cost(at, next);
+                    if !self.done[next] {
+                        let cost = self.cost[at] + self.step_cost(at, next);
                         queue.add(cost + EAGER * self.left[column], [next as u32, state]);
                     }
                 }
             }
         }
         None
+    }
+
+    /// After [`way`](Places::way) found none, the poses to one of the places; `None` where it wasn't reached.
+    pub(crate) fn way_to(&mut self, place: usize) -> Option<Vec<Pose2>> {
+        let states = place * self.headings..(place + 1) * self.headings;
+        let reached = states.filter(|state| self.parent[*state] != NOBODY || *state == 0);
+        let best = reached.min_by(|a, b| self.cost[*a].total_cmp(&self.cost[*b]))?;
+        Some(self.poses(best))
     }
 
     fn step_cost(&self, from: usize, to: usize) -> f32 {
@@ -194,15 +223,15 @@ impl<'a, 'c> Along<'a, 'c> {
             && self.checker.is_free_between_in_cells(pose, &end)
     }
 
-    fn poses(&mut self, end: usize, parent: &[u32]) -> Vec<Pose2> {
-        let before = |state: &usize| Some(parent[*state]).filter(|before| *before != NOBODY);
+    /// From the first end to a state.
+    fn poses(&mut self, end: usize) -> Vec<Pose2> {
+        let before = |state: &usize| Some(self.parent[*state]).filter(|before| *before != NOBODY);
         let states = std::iter::successors(Some(end), |state| before(state).map(|before| before as usize));
         let mut states: Vec<usize> = states.collect();
         states.reverse();
         let mut poses: Vec<Pose2> = vec![self.ends[0]];
-        let last = self.ends[1];
         let stand = |state: &usize| self.stand(*state).map(|(pose, _)| pose);
-        for pose in states[1..].iter().filter_map(stand).chain([last]) {
+        for pose in states[1..].iter().filter_map(stand) {
             poses.push(near(&poses[poses.len() - 1], pose));
         }
         poses
@@ -210,6 +239,6 @@ impl<'a, 'c> Along<'a, 'c> {
 }
 
 /// A pose, by whole turns as near to another one's heading as it gets.
-fn near(to: &Pose2, pose: Pose2) -> Pose2 {
+pub(crate) fn near(to: &Pose2, pose: Pose2) -> Pose2 {
     Pose2 { heading_rad: to.heading_rad + wrap_angle_rad(pose.heading_rad - to.heading_rad), ..pose }
 }

@@ -48,6 +48,29 @@ pub struct Gaps<'a> {
     pub(crate) gaps: Vec<Gap>,
 }
 
+/// A part of a map.
+#[derive(Clone, Debug)]
+pub struct Part {
+    /// Its first column and row.
+    pub(crate) low: [usize; 2],
+    /// How many columns and rows it has.
+    pub(crate) size: [usize; 2],
+    /// Whether each of its cells counts, row by row.
+    pub(crate) counts: Vec<bool>,
+    /// Columns of the map.
+    pub(crate) width: usize,
+}
+
+impl Part {
+    /// What is known of its cells, by what is known of each cell of the map: 0 of those that don't count.
+    pub(crate) fn of(&self, known: &[f32]) -> Vec<f32> {
+        let cell =
+            |at: usize| (self.low[1] + at / self.size[0]) * self.width + self.low[0] + at % self.size[0];
+        let counts = self.counts.iter().enumerate();
+        counts.map(|(at, counts)| if *counts { known[cell(at)] } else { 0.0 }).collect()
+    }
+}
+
 /// The number of a gap by its cell's clearance.
 pub(crate) fn number(clearance: f32) -> Option<usize> {
     (clearance < 0.0).then(|| (-clearance) as usize - 1)
@@ -100,6 +123,28 @@ impl<'a> Gaps<'a> {
             all.gaps[number].links = links.fold(0, |links, (direction, _)| links | 1 << direction);
         }
         all
+    }
+
+    /// Leaves nothing of some cells.
+    pub(crate) fn bar(&mut self, cells: &[usize]) {
+        let clearance = self.clearance.to_mut();
+        cells.iter().for_each(|cell| clearance[*cell] = 0.0);
+    }
+
+    /// The same of a part of the map alone, whose cells have the numbers of a map that is no larger.
+    pub(crate) fn within(&self, part: &Part) -> Gaps<'static> {
+        let mut gaps = Vec::new();
+        let mut cut = |clearance: f32| match number(clearance) {
+            Some(number) => {
+                let gap = self.gaps[number];
+                let at = [0, 1].map(|axis| gap.at[axis] - part.low[axis] as f64);
+                gaps.push(Gap { at, ..gap });
+                -(gaps.len() as f32)
+            }
+            None => clearance,
+        };
+        let clearance = part.of(&self.clearance).into_iter().map(&mut cut).collect();
+        Gaps { clearance: Cow::Owned(clearance), gaps }
     }
 
     /// Where a disc stands in a cell; `None` where it doesn't.

@@ -152,6 +152,24 @@ impl Map {
         Ok(map)
     }
 
+    /// A part of it, from a column and a row on, in cells half as large.
+    pub(crate) fn finer(&self, low: [usize; 2], size: [usize; 2]) -> Result<Map, MapError> {
+        let mut map = Map::empty(size.map(|count| 2 * count), 0.5 * self.cell_m)?;
+        let [x, y] = low.map(|at| at as f64);
+        map.map_from_grid = self.map_from_grid.then(Pose2::new(x * self.cell_m, y * self.cell_m, 0.0));
+        for (at, blocked) in map.blocked.iter_mut().enumerate() {
+            let [column, row] = [at % (2 * size[0]), at / (2 * size[0])].map(|at| at / 2);
+            *blocked = self.blocked[(low[1] + row) * self.width + low[0] + column];
+        }
+        let finer = |solid: &Solid| {
+            Solid::new(
+                solid.corners().iter().map(|corner| [2.0 * (corner[0] - x), 2.0 * (corner[1] - y)]).collect(),
+            )
+        };
+        map.solids = self.solids.iter().map(finer).collect();
+        Ok(map)
+    }
+
     /// A place as the grid has it, in cells.
     pub(crate) fn grid_cells(&self, in_map_m: Point) -> Point {
         let at = self.map_from_grid.inverse().then(Pose2::new(in_map_m[0], in_map_m[1], 0.0));

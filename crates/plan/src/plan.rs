@@ -2,7 +2,7 @@
 
 use omnibase_platform::{Pose2, wrap_angle_rad};
 
-use crate::along::Along;
+use crate::along::Places;
 use crate::footprint::Footprint;
 use crate::gaps::Gaps;
 use crate::ridge;
@@ -10,14 +10,16 @@ use crate::search::Search;
 use crate::smooth::{SPACING_M, TIGHTENINGS, divided, shortened, smooth, tightened};
 use crate::space::{Checker, Space};
 use crate::sweep::Sweep;
-use crate::turning::{Place, Turning};
+use crate::turning::Turning;
 use crate::until::Until;
 
 mod error;
+mod stops;
 #[cfg(test)]
 mod tests;
 
 pub use error::{End, PlanError};
+use stops::{Along, Discs, turned};
 
 /// What is planned.
 #[derive(Clone, Copy, Debug)]
@@ -92,7 +94,7 @@ const NEAR: isize = 2;
 
 /// The way from one pose to another.
 pub fn plan(task: &Task<'_>) -> Result<Plan, PlanError> {
-    let found = Planner::new(task)?.plan();
+    let found = Planner::new(task, true)?.plan();
     // A search that was ended found nothing either.
     if found.is_err() && task.until.is_over() { Err(PlanError::Ended) } else { found }
 }
@@ -127,10 +129,12 @@ struct Planner<'a> {
     ends: [Pose2; 2],
     /// Where it stands, and shall stand, where that is nearer to something, in cells.
     tips: [Option<Pose2>; 2],
+    /// Whether passages are looked at in finer cells, too.
+    is_coarse: bool,
 }
 
 impl<'a> Planner<'a> {
-    fn new(task: &Task<'a>) -> Result<Self, PlanError> {
+    fn new(task: &Task<'a>, is_coarse: bool) -> Result<Self, PlanError> {
         if !(0.0..=10.0).contains(&task.clearance_m) {
             return Err(PlanError::Clearance { found_m: task.clearance_m });
         }
@@ -165,7 +169,7 @@ impl<'a> Planner<'a> {
             (outs[number] != asked).then(|| Pose2 { heading_rad, ..checker.in_cells(&asked) })
         };
         let tips = [tip(0, task.from), tip(1, task.to)];
-        Ok(Planner { task: *task, checker, clearance_m, ends, tips })
+        Ok(Planner { task: *task, checker, clearance_m, ends, tips, is_coarse })
     }
 
     fn plan(mut self) -> Result<Plan, PlanError> {
@@ -192,29 +196,33 @@ impl<'a> Planner<'a> {
         }
         // No way is shorter than that of the disc which every heading covers.
         let gaps = Gaps::new(space, &clearance, inner as f32, outer.min(inner + RIDGE_CELLS) as f32, &[]);
-        let search = Search::through(space, &gaps, inner_m).until(until);
-        let least = self.least_way(&search, &Search::new(space, &clearance, inner_m).until(until), inner_m);
+        let discs = Discs {
+            inner: Search::through(space, &gaps, inner_m).until(until),
+            outer: Search::new(space, &clearance, outer_m).until(until),
+            gaps: &gaps,
+        };
+        let by_centres = Search::new(space, &clearance, inner_m).until(until);
+        let least = self.least_way(&discs.inner, &by_centres, inner_m);
         let mut coarse = self.checker.coarse(self.clearance_m);
         let mut plans = Vec::new();
         if turns {
-            let tips = self.tips.iter().zip(&self.ends);
-            let tips: f64 = tips.filter_map(|(tip, end)| tip.map(|tip| tip.distance_m(*end))).sum();
-            let least_m = least.as_ref().map_or(0.0, |way| (length(way) + tips) * space.map.cell_m);
+            let least_m = least.as_ref().map_or(0.0, |way| self.length_m(way));
             let is_enough = |plan: &Plan| plan.length_m <= LONGER * least_m;
-            let mut ways: Vec<(Vec<Pose2>, [Pose2; 2])> = Vec::new();
             if let Ok(way) = &least {
-                let back = way.iter().rev().copied().collect();
-                ways.extend([(way.clone(), self.ends), (back, [self.ends[1], self.ends[0]])]);
-            }
-            // From the other end, too, where the first is longer.
-            for (number, (way, ends)) in ways.iter().enumerate() {
-                let Some(mut found) = Along::new(way, *ends, &mut coarse, outer).way(until) else { break };
-                if number == 1 {
-                    found.reverse();
+                match self.along(way, &discs, &mut coarse) {
+                    Along::Way(plan) => plans.push(plan),
+                    Along::OtherWay(plan) => return Ok(plan),
+                    Along::NoWay => return Err(PlanError::NoTurn),
+                    Along::Unknown => {}
                 }
-                plans.push(self.finished(found, By::Turning, least_m));
-                if plans.iter().any(is_enough) {
-                    break;
+                // From the other end, too, where the first is longer.
+                if !plans.is_empty() && !plans.iter().any(is_enough) {
+                    let back: Vec<Pose2> = way.iter().rev().copied().collect();
+                    let ends = [self.ends[1], self.ends[0]];
+                    if let Some(mut found) = Places::new(&back, ends, &mut coarse, outer).way(until) {
+                        found.reverse();
+                        plans.push(self.finished(found, By::Turning, least_m));
+                    }
                 }
             }
             if !plans.iter().any(is_enough) {
@@ -227,8 +235,11 @@ impl<'a> Planner<'a> {
         if plans.is_empty() {
             least?;
         }
-        let outer = Search::new(space, &clearance, outer_m).until(until);
-        let ways = match Turning::new(space, &mut coarse, outer, search, outer_m) {
+        // In finer cells everything takes too long.
+        if !self.is_coarse {
+            return plans.into_iter().next().ok_or(PlanError::NoTurn);
+        }
+        let ways = match Turning::new(&mut coarse, discs.outer, discs.inner, space.clearance(), [0; 2]) {
             Some(mut turning) => turning.shortest(&self.ends[0], &self.ends[1]),
             None if plans.is_empty() => {
                 return Err(PlanError::TooLarge { found: space.clearance().len() });
@@ -236,10 +247,17 @@ impl<'a> Planner<'a> {
             None => Vec::new(),
         };
         for places in ways {
-            let way = self.turned(&places);
+            let way = turned(self.ends, &places);
             plans.push(self.finished(way, By::Turning, 0.0));
         }
         plans.into_iter().min_by(|a, b| a.length_m.total_cmp(&b.length_m)).ok_or(PlanError::NoTurn)
+    }
+
+    /// The length of a way in cells, with what leads to it from where the robot stands and shall stand, m.
+    fn length_m(&self, way: &[Pose2]) -> f64 {
+        let tips = self.tips.iter().zip(&self.ends);
+        let tips: f64 = tips.filter_map(|(tip, end)| tip.map(|tip| tip.distance_m(*end))).sum();
+        (length(way) + tips) * self.task.space.map.cell_m
     }
 
     /// The cell from which a disc's way begins or ends.
@@ -308,23 +326,10 @@ impl<'a> Planner<'a> {
         by_centres: &Search<'_>,
         inner_m: f64,
     ) -> Result<Vec<Pose2>, PlanError> {
-        let map = &self.task.space.map;
-        let cells = self.ends.map(|pose| {
-            let [x, y] = [pose.x_m, pose.y_m].map(|at| at.max(0.0) as usize);
-            search.index(x.min(map.width - 1), y.min(map.height - 1))
-        });
-        // The ends stand there: what their cells' centres lack is a cell at most.
-        let open = |cell: usize| search.open_near(cell);
-        if let (Some(from), Some(to)) = (open(cells[0]), open(cells[1]))
-            && let Some(way) = search.shortest(from, to)
-        {
-            let places = way.iter().skip(1).take(way.len().saturating_sub(2)).map(|cell| {
-                let [x, y] = search.place(*cell).map(|at| f64::from(at) + 0.5);
-                Pose2::new(x, y, 0.0)
-            });
-            let [from, to] = self.ends;
-            return Ok([from].into_iter().chain(places).chain([to]).collect());
+        if let Some(way) = self.inner_way(search) {
+            return Ok(way);
         }
+        let (map, cells) = (&self.task.space.map, self.cells(search));
         // Between centres there may be one cell more.
         let widest_m = (2.0 * f64::from(by_centres.widest(cells[0], cells[1])) + 1.0) * map.cell_m;
         if widest_m < 1.5 * map.cell_m {
@@ -334,53 +339,26 @@ impl<'a> Planner<'a> {
         Err(PlanError::TooNarrow { widest_m, needed_m: 2.0 * inner_m })
     }
 
-    /// A way over places and headings as poses: where any heading will do, it changes evenly.
-    fn turned(&self, places: &[Place]) -> Vec<Pose2> {
+    /// The cells of both ends.
+    fn cells(&self, search: &Search<'_>) -> [usize; 2] {
+        let [width, height] = search.size();
+        self.ends.map(|pose| {
+            let [x, y] = [pose.x_m, pose.y_m].map(|at| at.max(0.0) as usize);
+            search.index(x.min(width - 1), y.min(height - 1))
+        })
+    }
+
+    /// The way of the disc that every heading covers, from end to end in cells.
+    fn inner_way(&self, search: &Search<'_>) -> Option<Vec<Pose2>> {
+        // The ends stand there: what their cells' centres lack is a cell at most.
+        let [from, to] = self.cells(search).map(|cell| search.open_near(cell));
+        let way = search.shortest(from?, to?)?;
+        let places = way.iter().skip(1).take(way.len().saturating_sub(2)).map(|cell| {
+            let [x, y] = search.place(*cell).map(|at| f64::from(at) + 0.5);
+            Pose2::new(x, y, 0.0)
+        });
         let [from, to] = self.ends;
-        let end = |pose: Pose2| Place { x: pose.x_m, y: pose.y_m, heading_rad: Some(pose.heading_rad) };
-        let mut all: Vec<Place> = vec![end(from)];
-        for place in places {
-            // Into and out of a narrow place the heading stays.
-            match (all.last().copied(), place.heading_rad) {
-                (Some(before), None) if before.heading_rad.is_some() => {
-                    all.push(Place { heading_rad: before.heading_rad, ..*place });
-                }
-                (Some(before), Some(_)) if before.heading_rad.is_none() => {
-                    all.push(Place { heading_rad: place.heading_rad, ..before });
-                }
-                _ => {}
-            }
-            all.push(*place);
-        }
-        match all.last().copied() {
-            Some(last) if last.heading_rad.is_none() => {
-                all.push(Place { heading_rad: Some(to.heading_rad), ..last });
-            }
-            _ => {}
-        }
-        all.push(end(to));
-        let mut poses: Vec<Pose2> = Vec::with_capacity(all.len());
-        let mut known = 0;
-        for at in 0..all.len() {
-            let Some(heading_rad) = all[at].heading_rad else { continue };
-            let before_rad = poses.last().map_or(from.heading_rad, |pose| pose.heading_rad);
-            let heading_rad = before_rad + wrap_angle_rad(heading_rad - before_rad);
-            let piece: Vec<Pose2> =
-                all[known..=at].iter().map(|place| Pose2::new(place.x, place.y, 0.0)).collect();
-            let whole = length(&piece).max(f64::MIN_POSITIVE);
-            let mut done = 0.0;
-            for number in 1..piece.len() {
-                done += piece[number].distance_m(piece[number - 1]);
-                let turned_rad = before_rad + (heading_rad - before_rad) * done / whole;
-                let turned_rad = if number + 1 == piece.len() { heading_rad } else { turned_rad };
-                poses.push(Pose2 { heading_rad: turned_rad, ..piece[number] });
-            }
-            if at == 0 {
-                poses.push(from);
-            }
-            known = at;
-        }
-        poses
+        Some([from].into_iter().chain(places).chain([to]).collect())
     }
 
     /// A way in cells without what isn't needed of it, its turns where it is shorter.

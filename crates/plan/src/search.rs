@@ -29,6 +29,8 @@ pub struct Search<'a> {
     clearance: &'a [f32],
     gaps: &'a [Gap],
     radius: f32,
+    /// From a barred cell to what is nearest there is at most so much more room than the disc needs, in cells; 0 where none is barred.
+    barred: f32,
     until: Until<'a>,
 }
 
@@ -36,14 +38,34 @@ impl<'a> Search<'a> {
     /// For a disc of a radius, m, by each cell's clearance, in cells.
     pub fn new(space: &Space, clearance: &'a [f32], radius_m: f64) -> Self {
         let radius = (radius_m / space.map.cell_m) as f32;
-        let (width, height) = (space.map.width, space.map.height);
+        Search::of_cells([space.map.width, space.map.height], clearance, radius)
+    }
+
+    /// For a disc of a radius, in cells, in so many columns and rows.
+    pub(crate) fn of_cells([width, height]: [usize; 2], clearance: &'a [f32], radius: f32) -> Self {
         let per_width = 1.0 / width as f64;
-        Search { width, height, per_width, clearance, gaps: &[], radius, until: Until::default() }
+        let until = Until::default();
+        Search { width, height, per_width, clearance, gaps: &[], radius, barred: 0.0, until }
     }
 
     /// The same through gaps, too.
     pub fn through(space: &Space, gaps: &'a Gaps<'_>, radius_m: f64) -> Self {
         Search { gaps: &gaps.gaps, ..Search::new(space, &gaps.clearance, radius_m) }
+    }
+
+    /// The same by other clearances, in cells, in a map of so many columns and rows.
+    pub(crate) fn of(&self, size: [usize; 2], clearance: &'a [f32]) -> Self {
+        Search { until: self.until, ..Search::of_cells(size, clearance, self.radius) }
+    }
+
+    /// The same by other gaps, in a map of so many columns and rows.
+    pub(crate) fn by(&self, size: [usize; 2], gaps: &'a Gaps<'_>) -> Self {
+        Search { gaps: &gaps.gaps, ..self.of(size, &gaps.clearance) }
+    }
+
+    /// The same by gaps of which cells are barred that had at most so much more room than the disc needs, in cells.
+    pub(crate) fn barred(&self, gaps: &'a Gaps<'_>, room: f32) -> Self {
+        Search { barred: room, ..self.by([self.width, self.height], gaps) }
     }
 
     /// The same, which finds nothing more once it is over.
@@ -65,6 +87,21 @@ impl<'a> Search<'a> {
     fn split(&self, at: usize) -> (usize, usize) {
         let row = ((at as f64 + 0.5) * self.per_width) as usize;
         (at - row * self.width, row)
+    }
+
+    /// Columns and rows.
+    pub(crate) fn size(&self) -> [usize; 2] {
+        [self.width, self.height]
+    }
+
+    /// In cells.
+    pub(crate) fn radius(&self) -> f32 {
+        self.radius
+    }
+
+    /// From each cell's centre to what is nearest, in cells.
+    pub(crate) fn clearance(&self) -> &'a [f32] {
+        self.clearance
     }
 
     /// Whether the disc fits at a cell's centre.
@@ -136,7 +173,8 @@ impl<'a> Search<'a> {
     /// The neighbours that one step leads to.
     pub(crate) fn neighbours(&self, at: usize) -> ([usize; 8], usize) {
         if let Some(gap) = self.gap(at) {
-            return self.linked(at, |direction, _| gap.leads(direction), ([0; 8], 0));
+            let is_linked = |direction, to| gap.leads(direction) && self.takes(to);
+            return self.linked(at, is_linked, ([0; 8], 0));
         }
         let (column, row) = self.split(at);
         let (left, right) = (column > 0, column + 1 < self.width);
@@ -238,10 +276,10 @@ impl<'a> Search<'a> {
     pub fn widest(&self, from: usize, to: usize) -> f32 {
         let mut best = vec![-1.0_f32; self.clearance.len()];
         best[from] = self.clearance[from];
-        // Keys rise where room falls.
+        // Keys rise where room falls, finely: within one key of the queue cells come in any order.
         let most = self.clearance.iter().copied().fold(0.0, f32::max);
         let mut queue = self.queue();
-        queue.add(most - best[from], from);
+        queue.add(KEYS * (most - best[from]), from);
         while let Some(at) = queue.next() {
             if at == to {
                 break;
@@ -252,7 +290,7 @@ impl<'a> Search<'a> {
                 let room = best[at].min(self.clearance[*next]);
                 if room > best[*next] {
                     best[*next] = room;
-                    queue.add(most - room, *next);
+                    queue.add(KEYS * (most - room), *next);
                 }
             }
         }
@@ -264,5 +302,7 @@ fn distance([ax, ay]: [f32; 2], [bx, by]: [f32; 2]) -> f32 {
     ((ax - bx) * (ax - bx) + (ay - by) * (ay - by)).sqrt()
 }
 
+/// Of the room that is looked for, keys in one of ways.
+const KEYS: f32 = 16.0;
 /// Rounds of pulling.
 const MOST_PULLS: usize = 50;

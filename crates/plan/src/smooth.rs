@@ -15,7 +15,7 @@ pub(crate) const TIGHTENINGS: [usize; 2] = [16, 8];
 /// By how much a heading gives way where a point would else not move, rad.
 const GIVES_WAY_RAD: f64 = 0.05;
 /// Points of a way that would move by less than this stay while it is drawn taut, in cells.
-const STILL: f64 = 2e-3;
+const STILL: f64 = 1e-2;
 /// And those of a band while it bends back: slow waves along it go on for ever, and what they move is less than is driven.
 const STILL_IN_BAND: f64 = 5e-3;
 

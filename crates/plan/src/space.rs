@@ -7,8 +7,8 @@ use omnibase_platform::Pose2;
 
 use crate::Point;
 use crate::distance::{self, Between};
-use crate::footprint::Footprint;
-use crate::map::{Map, range};
+use crate::footprint::{self, Footprint};
+use crate::map::{Map, Solid, range};
 use crate::smooth::between;
 use crate::tiles::Tiles;
 
@@ -321,57 +321,71 @@ impl<'a> Checker<'a> {
     /// How far the outline's points may move at least, no farther than [`FARTHER`], until one touches anything; `None` where one does.
     fn outline_spare(&mut self, at: Point, turn: (f64, f64)) -> Option<f64> {
         let (space, farthest) = (self.space, self.reach + FARTHER);
-        let near = || {
-            let listed = space.tiles.within(&space.map.solids, at, farthest);
-            listed.filter(|solid| solid.is_within(at, farthest))
-        };
-        let apart = near().fold(FARTHER, |spare, solid| self.apart(solid.corners(), at, turn, spare));
+        let mut placed = [[0.0; 2]; 2 * footprint::MOST_CORNERS];
+        let corners = &mut placed[..self.outline.len()];
+        corners.iter_mut().zip(&self.outline).for_each(|(corner, own)| *corner = turned(*own, at, turn));
+        let listed = space.tiles.within(&space.map.solids, at, farthest);
+        let mut spare = FARTHER;
+        for solid in listed.filter(|solid| solid.is_within(at, farthest)) {
+            spare = self.apart(solid, at, turn, corners, spare)?;
+        }
         let size = [space.map.width as f64, space.map.height as f64];
         let is_inside = (0..2).all(|axis| at[axis] >= farthest && at[axis] + farthest <= size[axis]);
-        if apart > 0.0 && is_inside && !space.has_cells {
-            return Some(apart);
+        if is_inside && !space.has_cells {
+            return Some(spare);
         }
-        let corners: Vec<Point> = self.outline.iter().map(|corner| turned(*corner, at, turn)).collect();
-        let range = range(&corners);
+        let range = range(corners);
         let [[left, low], [right, high]] = range;
         let border = left.min(low).min(size[0] - right).min(size[1] - high);
-        let is_blocked =
-            border < -TOUCH || apart <= 0.0 && near().any(|solid| solid.overlaps(&corners, range));
-        if is_blocked {
+        if border < -TOUCH {
             return None;
         }
-        let spare = apart.min(border).max(0.0);
+        let spare = spare.min(border).max(0.0);
         if space.has_cells {
             let [below, above] = [low - spare, high + spare].map(|y| y.max(0.0));
             let rows = below as usize..up(above).min(space.map.height);
             if !space.are_free([(left - spare).max(0.0), right + spare], rows) {
-                return self.is_polygon_free(&corners, range).then_some(0.0);
+                return self.is_polygon_free(corners, range).then_some(0.0);
             }
         }
         Some(spare)
     }
 
-    /// How far beyond any one of the outline's sides a polygon lies, where that is less than `most`, in cells; 0 where it isn't known.
-    fn apart(&self, polygon: &[Point], at: Point, (sin, cos): (f64, f64), most: f64) -> f64 {
-        let mut apart = 0.0;
-        if polygon.len() > MOST_CORNERS {
-            return apart;
-        }
-        for (normal, far) in &self.sides {
-            let [x, y] = [cos * normal[0] - sin * normal[1], sin * normal[0] + cos * normal[1]];
-            let mut nearest = f64::INFINITY;
-            for corner in polygon {
-                let out = x * (corner[0] - at[0]) + y * (corner[1] - at[1]);
-                nearest = if out < nearest { out } else { nearest };
+    /// How far beyond any one of a polygon's sides the outline lies, or the polygon beyond any one of the outline's, where that is less than `most`,
+    /// in cells; 0 where it isn't known, `None` where they overlap.
+    fn apart(
+        &self,
+        solid: &Solid,
+        at: Point,
+        (sin, cos): (f64, f64),
+        corners: &[Point],
+        most: f64,
+    ) -> Option<f64> {
+        let mut apart = f64::NEG_INFINITY;
+        for (normal, far) in solid.normals() {
+            // No farther than the outline's middle is.
+            if normal[0] * at[0] + normal[1] * at[1] - far - self.inner <= apart {
+                continue;
             }
-            if nearest - far > apart {
-                apart = nearest - far;
+            let out = |corner: &Point| normal[0] * corner[0] + normal[1] * corner[1];
+            apart = apart.max(corners.iter().map(out).fold(f64::INFINITY, least) - far);
+            if apart >= most {
+                return Some(most);
+            }
+        }
+        if solid.corners().len() <= MOST_CORNERS {
+            for (normal, far) in &self.sides {
+                let [x, y] = [cos * normal[0] - sin * normal[1], sin * normal[0] + cos * normal[1]];
+                let out = |corner: &Point| x * (corner[0] - at[0]) + y * (corner[1] - at[1]);
+                apart = apart.max(solid.corners().iter().map(out).fold(f64::INFINITY, least) - far);
                 if apart >= most {
-                    return most;
+                    return Some(most);
                 }
             }
         }
-        apart
+        let is_free =
+            apart > -TOUCH || solid.normals().is_empty() && !solid.overlaps(corners, range(corners));
+        is_free.then_some(apart.max(0.0))
     }
 
     /// Whether a convex polygon within the map, and within this range, touches no cell that is in the way: a row of cells meets it in one range.
@@ -476,4 +490,9 @@ fn clearance_of(blocked: &[bool], width: usize) -> Vec<f32> {
 fn up(value: f64) -> usize {
     let whole = value as usize;
     whole + usize::from((whole as f64) < value)
+}
+
+/// The lesser one; unlike `min` it is no call.
+fn least(one: f64, other: f64) -> f64 {
+    if other < one { other } else { one }
 }

@@ -13,7 +13,7 @@ use omnibase_platform::{Pose2, wrap_angle_rad};
 
 use crate::gaps::is_near_ridge;
 use crate::search::{Queue, Search};
-use crate::space::{Checker, Space};
+use crate::space::Checker;
 
 mod passages;
 #[cfg(test)]
@@ -71,7 +71,7 @@ pub struct Turning<'a, 'c> {
     checker: &'c mut Checker<'a>,
     /// The same for a smaller outline: where it doesn't fit, the whole one fits nowhere near.
     smaller: Option<Checker<'a>>,
-    clearance: &'a [f32],
+    clearance: &'c [f32],
     /// Of states that aren't free in the middle of their cell with the middle of their heading where else they stand.
     fitted: HashMap<usize, Pose2>,
     /// Whether that is looked for everywhere; else where walls on more sides than one are near.
@@ -81,6 +81,8 @@ pub struct Turning<'a, 'c> {
     /// Where one may fit.
     inner: Search<'c>,
     width: usize,
+    /// Where in the map the first cell lies, in cells.
+    low: [f64; 2],
     headings: usize,
     turn_cost: f32,
     /// Of each state: [`UNKNOWN`], [`FREE`] or [`BLOCKED`].
@@ -90,20 +92,20 @@ pub struct Turning<'a, 'c> {
 }
 
 impl<'a, 'c> Turning<'a, 'c> {
-    /// For a footprint with the room that is kept, by the searches of its outer disc, whose radius is in m, and of its inner one; `None` where
-    /// the map is too large.
-    pub fn new(
-        space: &'a Space,
+    /// For a footprint with the room that is kept, by the searches of its outer disc and of its inner one, and each cell's clearance, in a part of
+    /// the map that begins at a column and a row; `None` where it is too large.
+    pub(crate) fn new(
         checker: &'c mut Checker<'a>,
         outer: Search<'c>,
         inner: Search<'c>,
-        outer_m: f64,
+        clearance: &'c [f32],
+        low: [usize; 2],
     ) -> Option<Self> {
-        let cells = space.clearance().len();
+        let cells = clearance.len();
         if cells > MOST_TURNING_CELLS {
             return None;
         }
-        let outer_cells = outer_m / space.map.cell_m;
+        let outer_cells = f64::from(outer.radius());
         let wanted = std::f64::consts::TAU * outer_cells / CORNER_STEP;
         // Right angles are among them.
         let [least, most] = HEADINGS;
@@ -112,13 +114,14 @@ impl<'a, 'c> Turning<'a, 'c> {
         let smaller = checker.smaller(FIT);
         Some(Turning {
             smaller,
-            clearance: space.clearance(),
+            clearance,
             fitted: HashMap::new(),
             fits_everywhere: false,
             checker,
             outer,
             inner,
-            width: space.map.width,
+            width: outer.size()[0],
+            low: low.map(|at| at as f64),
             headings,
             turn_cost: (TURN_COST * outer_cells) as f32,
             looked: vec![UNKNOWN; cells * headings],
@@ -142,10 +145,11 @@ impl<'a, 'c> Turning<'a, 'c> {
             return *fitted;
         }
         let heading_rad = self.heading_rad(heading);
-        if let Some(gap) = self.inner.gap(cell) {
-            return Pose2::new(gap.at[0], gap.at[1], heading_rad);
-        }
-        Pose2::new((cell % self.width) as f64 + 0.5, (cell / self.width) as f64 + 0.5, heading_rad)
+        let [x, y] = match self.inner.gap(cell) {
+            Some(gap) => gap.at,
+            None => [(cell % self.width) as f64 + 0.5, (cell / self.width) as f64 + 0.5],
+        };
+        Pose2::new(x + self.low[0], y + self.low[1], heading_rad)
     }
 
     fn is_free(&mut self, cell: usize, heading: usize) -> bool {
@@ -220,7 +224,8 @@ impl<'a, 'c> Turning<'a, 'c> {
         let turn = wrap_angle_rad(pose.heading_rad).rem_euclid(std::f64::consts::TAU);
         let below = (turn / std::f64::consts::TAU * self.headings as f64).floor() as usize;
         let mut found = Vec::new();
-        let [column, row] = [pose.x_m, pose.y_m].map(|at| at.max(0.0) as usize);
+        let at = [pose.x_m - self.low[0], pose.y_m - self.low[1]];
+        let [column, row] = at.map(|at| at.max(0.0) as usize);
         for row in row.saturating_sub(1)..=row + 1 {
             for column in column.saturating_sub(1)..=column + 1 {
                 for heading in [below, below + 1].map(|heading| heading % self.headings) {
@@ -240,10 +245,37 @@ impl<'a, 'c> Turning<'a, 'c> {
         found
     }
 
+    /// The places of a way between two poses in cells, looked for from the last one where that is asked for; `None` where there is none.
+    pub(crate) fn passed(&mut self, from: &Pose2, to: &Pose2, is_back: bool) -> Option<Vec<Place>> {
+        if is_back {
+            return self.way_back(from, to);
+        }
+        for everywhere in [false, true] {
+            if everywhere {
+                self.look_everywhere();
+            }
+            let (begins, ends) = (self.around(from), self.around(to));
+            if let Some(way) = self.way(&begins, &ends) {
+                return Some(way);
+            }
+        }
+        None
+    }
+
+    /// Whether there may be a way between two poses in cells, where the footprint gets wherever the inner disc does past cells that are barred for
+    /// it: only through these it is looked.
+    pub(crate) fn may_pass(&mut self, from: &Pose2, to: &Pose2, past: &Search<'_>) -> bool {
+        let regions = self.regions(|cell| past.takes(cell));
+        self.look_everywhere();
+        let (begins, ends) = (self.around(from), self.around(to));
+        self.hang_together(&begins, &ends, &regions)
+    }
+
     /// The places of ways between two poses in cells: the shortest as it is looked for from the first one and from the last one, which
     /// are off by other roundings; none where there is none.
-    pub fn shortest(&mut self, from: &Pose2, to: &Pose2) -> Vec<Vec<Place>> {
-        let regions = self.regions();
+    pub(crate) fn shortest(&mut self, from: &Pose2, to: &Pose2) -> Vec<Vec<Place>> {
+        let outer = self.outer;
+        let regions = self.regions(|cell| outer.is_open(cell));
         // Doors that are hardly wide enough are looked for on the way back, and where there is no other way.
         for everywhere in [false, true] {
             if everywhere {

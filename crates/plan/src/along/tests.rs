@@ -8,7 +8,7 @@ use crate::space::Space;
 const ROOM_M: f64 = 0.02;
 
 /// A footprint of 12 by 4 cells in a room of 120 by 80 with walls, and what is found along the way of its inner disc.
-fn in_room<T>(walls: &[[f64; 4]], ends: [Pose2; 2], look: impl FnOnce(&mut Along<'_, '_>) -> T) -> T {
+fn in_room<T>(walls: &[[f64; 4]], ends: [Pose2; 2], look: impl FnOnce(&mut Places<'_, '_>) -> T) -> T {
     let mut map = Map::empty([120, 80], 0.05).unwrap();
     for [left, low, right, high] in walls {
         map.block_polygon(&[[*left, *low], [*right, *low], [*right, *high], [*left, *high]]);
@@ -26,7 +26,7 @@ fn in_room<T>(walls: &[[f64; 4]], ends: [Pose2; 2], look: impl FnOnce(&mut Along
     });
     let way: Vec<Pose2> = [ends[0]].into_iter().chain(places).chain([ends[1]]).collect();
     let mut checker = space.checker(&footprint, ROOM_M).coarse(ROOM_M);
-    look(&mut Along::new(&way, ends, &mut checker, outer_m / space.map.cell_m))
+    look(&mut Places::new(&way, ends, &mut checker, outer_m / space.map.cell_m))
 }
 
 /// In cells, from m.

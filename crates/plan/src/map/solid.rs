@@ -10,6 +10,8 @@ const TOUCH: f64 = 1e-9;
 pub struct Solid {
     corners: Vec<Point>,
     sides: Vec<Side>,
+    /// Of a convex one the sides' directions outwards, and how far out they lie; else none.
+    normals: Vec<(Point, f64)>,
     low: Point,
     high: Point,
 }
@@ -33,13 +35,19 @@ impl Solid {
             let square = way[0] * way[0] + way[1] * way[1];
             Side { from: *from, way, per_square: if square > 0.0 { 1.0 / square } else { 0.0 } }
         };
-        let sides = corners.iter().enumerate().map(side).collect();
-        Solid { corners, sides, low, high }
+        let sides: Vec<Side> = corners.iter().enumerate().map(side).collect();
+        let normals = normals(&sides);
+        Solid { corners, sides, normals, low, high }
     }
 
     /// Its corners, in cells.
     pub(crate) fn corners(&self) -> &[Point] {
         &self.corners
+    }
+
+    /// Of a convex one the sides' directions outwards, and how far out they lie, in cells; else none.
+    pub(crate) fn normals(&self) -> &[(Point, f64)] {
+        &self.normals
     }
 
     fn is_near(&self, low: Point, high: Point) -> bool {
@@ -72,12 +80,43 @@ impl Solid {
         if !self.is_within([x, y], enough) {
             return enough;
         }
-        if self.holds([x, y]) {
-            return 0.0;
+        if self.normals.is_empty() {
+            if self.holds([x, y]) {
+                return 0.0;
+            }
+            let squares = self.sides.iter().map(|side| side.square_distance([x, y]));
+            return squares.fold(enough * enough, f64::min).sqrt();
         }
-        let squares = self.sides.iter().map(|side| side.square_distance([x, y]));
-        squares.fold(enough * enough, f64::min).sqrt()
+        // What is nearest of a convex one lies on a side that the place is beyond.
+        let (mut square, mut is_inside) = (enough * enough, true);
+        for (side, (normal, far)) in self.sides.iter().zip(&self.normals) {
+            let out = normal[0] * x + normal[1] * y - far;
+            if out >= enough {
+                return enough;
+            }
+            if out > 0.0 || out.is_nan() {
+                is_inside = false;
+                square = square.min(side.square_distance([x, y]));
+            }
+        }
+        if is_inside { 0.0 } else { square.sqrt() }
     }
+}
+
+/// The directions outwards of a convex polygon's sides, and how far out they lie; none of another one.
+fn normals(sides: &[Side]) -> Vec<(Point, f64)> {
+    let turns_left = |way: Point, next: Point| way[0] * next[1] - way[1] * next[0];
+    let area: f64 = sides.iter().map(|side| turns_left(side.from, side.way)).sum();
+    let outwards = |side: &Side| {
+        let [x, y] = side.way.map(|part| part * side.per_square.sqrt() * area.signum());
+        ([y, -x], y * side.from[0] - x * side.from[1])
+    };
+    let normals: Vec<(Point, f64)> = sides.iter().map(outwards).collect();
+    let holds = |side: &Side| {
+        let out = |(normal, far): &(Point, f64)| normal[0] * side.from[0] + normal[1] * side.from[1] - far;
+        normals.iter().all(|normal| out(normal) <= TOUCH)
+    };
+    if sides.iter().all(|side| side.per_square > 0.0 && holds(side)) { normals } else { Vec::new() }
 }
 
 /// The least and the greatest coordinates of corners.

@@ -207,3 +207,39 @@ fn rectangles_are_all_occupied_cells_and_where_they_would_be_many_larger_ones_th
     }
     assert!(Map::empty([5, 5], 0.1).unwrap().rectangles(10).is_empty());
 }
+
+#[test]
+fn of_a_convex_polygon_the_distance_is_that_of_its_nearest_side() {
+    let mut state = 2_u64;
+    let mut next = |low: f64, high: f64| {
+        state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        low + (high - low) * (state >> 33) as f64 / (1_u64 << 31) as f64
+    };
+    let mut inside = 0;
+    for _ in 0..300 {
+        let turn = next(0.0, 6.0);
+        let mut corners: Vec<Point> = [0.0, 1.3, 2.9, 4.4]
+            .map(|part: f64| [3.0 * (turn + part).cos(), 2.0 * (turn + part).sin()])
+            .to_vec();
+        let convex = Solid::new(corners.clone());
+        assert_eq!(convex.normals().len(), 4);
+        // Either way around, and with a corner twice, which makes it one that isn't known to be convex.
+        let reversed = Solid::new(corners.iter().rev().copied().collect());
+        corners.push(corners[3]);
+        let other = Solid::new(corners);
+        assert!(other.normals().is_empty());
+        for _ in 0..30 {
+            let place = [next(-5.0, 5.0), next(-4.0, 4.0)];
+            let expected = other.distance(place, 9.0);
+            for (solid, enough) in [(&convex, 9.0), (&reversed, 9.0), (&convex, 0.5)] {
+                let found = solid.distance(place, enough);
+                assert!(
+                    (found.min(enough) - expected.min(enough)).abs() < 1e-9,
+                    "{place:?}: {found}, {expected}"
+                );
+            }
+            inside += usize::from(expected == 0.0);
+        }
+    }
+    assert!(inside > 500, "{inside}");
+}

@@ -69,8 +69,8 @@ impl Search<'_> {
             let (column, row) = (across.first(done), along.first(done));
             let low = row * self.width + column;
             let spare = self.clearance[low] - self.radius;
-            if spare >= FAR {
-                done += spare - BESIDE;
+            if spare >= FAR + self.barred {
+                done += spare - self.barred - BESIDE;
                 continue;
             }
             let above = if along.is_still { 0 } else { self.width };

@@ -124,3 +124,34 @@ fn along_a_view_the_disc_has_its_room_and_where_it_has_more_it_is_seen() {
     }
     assert!(seen > 500 && missed < seen / 100, "{seen} seen, {missed} missed");
 }
+
+#[test]
+fn what_is_barred_is_neither_seen_through_nor_gone_through() {
+    // Two halls, and a door between them with much room, or hardly any and between the cells; one column of it is barred.
+    const RADIUS: f64 = 3.0;
+    for [low, high] in [[31.0, 49.0], [36.6, 43.05]] {
+        let mut map = Map::empty([120, 80], 1.0).unwrap();
+        for [low, high] in [[0.0, low], [high, 80.0]] {
+            map.block_polygon(&[[59.8, low], [61.2, low], [61.2, high], [59.8, high]]);
+        }
+        let space = Space::new(map);
+        let clearance = space.sharpened([RADIUS - 1.0, RADIUS + 8.0]);
+        let free = Gaps::new(&space, &clearance, RADIUS as f32, RADIUS as f32 + 1.0, &[]);
+        let whole = Search::through(&space, &free, RADIUS);
+        let column = (0..80).map(|row| whole.index(60, row)).filter(|cell| whole.takes(*cell));
+        let mut gaps = free.clone();
+        gaps.bar(&column.collect::<Vec<usize>>());
+        let barred = whole.barred(&gaps, 6.5);
+        let mut seen = 0;
+        for number in 0..60 * 60 {
+            let [from, to] = [(8 + number % 45, 12 + number / 60), (68 + number % 45, 70 - number / 60)]
+                .map(|(column, row)| whole.index(column, row));
+            seen += usize::from(whole.sees(from, to));
+            assert!(!barred.sees(from, to) && !barred.sees(to, from), "{from} to {to}");
+            assert!(barred.sees(from, from + 1));
+        }
+        assert!(low > 35.0 || seen > 100, "{seen}");
+        let [from, to] = [whole.index(20, 40), whole.index(100, 40)];
+        assert!(whole.shortest(from, to).is_some() && barred.shortest(from, to).is_none());
+    }
+}

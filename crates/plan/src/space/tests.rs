@@ -73,3 +73,25 @@ fn discs_cover_an_outline() {
         assert!(cover.len() == 16 || radius < 1.2 * width, "{radius} around {outline:?}");
     }
 }
+
+#[test]
+fn beside_a_wall_a_look_tells_all_the_room_there_is() {
+    let mut map = Map::empty([60, 50], 1.0).unwrap();
+    // Not along the cells, so that no side of the outline is along it either.
+    map.block_polygon(&[[0.0, 0.0], [60.0, 6.0], [60.0, 5.0], [0.0, -1.0]]);
+    let space = Space::new(map);
+    let footprint = Footprint::new(vec![[-3.5, -2.5], [4.5, -2.5], [4.5, 2.5], [-3.5, 2.5]]).unwrap();
+    let mut checker = space.checker(&footprint, 0.0);
+    let out = |[x, y]: Point| (y - 0.1 * x) / 1.0_f64.hypot(0.1);
+    for turn in 0..60 {
+        let pose = Pose2::new(30.0, 8.0, 0.1 * f64::from(turn));
+        let room = footprint.placed_m(&pose).into_iter().map(out).fold(f64::INFINITY, f64::min);
+        let told = checker.spare(&pose);
+        let expected = if room > 0.0 { Some(room.min(FARTHER)) } else { None };
+        assert!(
+            told.zip(expected).is_none_or(|(told, room)| (told - room).abs() < 1e-9),
+            "{told:?}, {expected:?}"
+        );
+        assert_eq!(told.is_some(), expected.is_some(), "{turn}");
+    }
+}

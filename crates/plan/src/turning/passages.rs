@@ -79,8 +79,8 @@ impl Turning<'_, '_> {
         parts.are_joined(from, to)
     }
 
-    /// Which hall each cell belongs to.
-    pub(super) fn regions(&self) -> Regions {
+    /// Which hall each cell belongs to; halls that hang together by cells that join them are one.
+    pub(super) fn regions(&self, joins: impl Fn(usize) -> bool) -> Regions {
         let cells = self.looked.len() / self.headings;
         let mut regions = Regions { hall: vec![NOBODY; cells], steps: vec![0; cells], halls: 0 };
         let mut left = Vec::new();
@@ -94,16 +94,22 @@ impl Turning<'_, '_> {
             regions.hall[cell] = hall;
             left.push(cell);
             while let Some(at) = left.pop() {
+                let is_hall = self.outer.is_open(at);
                 let (neighbours, count) = self.inner.neighbours(at);
                 for next in &neighbours[..count] {
-                    if !self.outer.is_open(*next) {
+                    if is_hall && !self.outer.is_open(*next) {
                         edge.push_back(at);
-                    } else if regions.hall[*next] == NOBODY {
+                    }
+                    if joins(*next) && regions.hall[*next] == NOBODY {
                         regions.hall[*next] = hall;
                         left.push(*next);
                     }
                 }
             }
+        }
+        // What joins halls belongs to the nearest one, too.
+        for cell in (0..cells).filter(|cell| !self.outer.is_open(*cell)) {
+            regions.hall[cell] = NOBODY;
         }
         while let Some(at) = edge.pop_front() {
             let (neighbours, count) = self.inner.neighbours(at);

@@ -1,6 +1,7 @@
 use super::*;
 use crate::footprint::Footprint;
 use crate::map::Map;
+use crate::space::Space;
 
 /// What is kept around it.
 const ROOM_M: f64 = 0.02;
@@ -12,7 +13,7 @@ fn in_room<T>(space: &Space, look: impl FnOnce(&mut Turning<'_, '_>) -> T) -> T 
         [footprint.outer_radius_m(), footprint.inner_radius_m()].map(|radius_m| radius_m + ROOM_M);
     let mut checker = space.checker(&footprint, ROOM_M).coarse(ROOM_M);
     let [outer, inner] = [outer_m, inner_m].map(|radius_m| Search::new(space, space.clearance(), radius_m));
-    look(&mut Turning::new(space, &mut checker, outer, inner, outer_m).unwrap())
+    look(&mut Turning::new(&mut checker, outer, inner, space.clearance(), [0; 2]).unwrap())
 }
 
 #[test]
@@ -44,7 +45,8 @@ fn whether_there_is_a_way_is_known_before_it_is_looked_for() {
             free.retain(|(cell, heading)| turning.is_free(*cell, *heading));
             for _ in 0..5 {
                 let [from, to] = [0, 1].map(|_| free[next(0.0, free.len() as f64) as usize]);
-                let regions = turning.regions();
+                let outer = turning.outer;
+                let regions = turning.regions(|cell| outer.is_open(cell));
                 let is_there = turning.hang_together(&[from], &[to], &regions);
                 let is_near = turning.ways_to(to.0)[from.0].is_finite();
                 let is_found = is_near && turning.way(&[from], &[to]).is_some();
