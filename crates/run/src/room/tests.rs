@@ -88,7 +88,7 @@ fn through_a_door(width_m: f64) -> (Ability, TimedWay) {
 
 #[test]
 fn a_way_is_so_slow_that_no_stop_on_it_leads_into_a_wall() {
-    for (width_m, is_slow) in [(2.4, false), (0.7, true)] {
+    for (width_m, is_slow) in [(2.4, false), (0.75, true), (0.7, false)] {
         let (Ability { limits, .. }, timed) = through_a_door(width_m);
         assert_eq!(timed.table.speed_m_s.is_some(), is_slow, "{width_m} m");
         let jambs = [1.2, 1.3].map(|x| [-0.5, 0.5].map(|share| [x, 1.0 + share * width_m]));

@@ -185,6 +185,7 @@ impl<C: Clock> Guide<'_, C> {
         if !self.is_as_jogged()? {
             return Ok(false);
         }
+        let was_passed_over = self.record.passed_over_of(Step::FirstMetre).is_some();
         for way in WAYS {
             if self.record.legs.iter().any(|leg| leg.name == way.name) {
                 continue;
@@ -192,6 +193,9 @@ impl<C: Clock> Guide<'_, C> {
             if self.measured(&way)?.is_err() {
                 return Ok(false);
             }
+        }
+        if was_passed_over && self.record.passed_over_of(Step::FirstMetre).is_none() {
+            self.record.note(format!("done: {}", Step::FirstMetre.words()));
         }
         let Some(Calibrated { expected, solution, .. }) = self.calibrated()? else {
             self.record.pass_over(
@@ -292,9 +296,8 @@ impl<C: Clock> Guide<'_, C> {
                     self.record.legs.retain(|other| other.name != leg.name);
                     self.record.legs.push(leg);
                     self.record.found_of(&driven(way), Vec::new());
-                    if *way == WAYS[0] && self.record.passed_over_of(Step::FirstMetre).is_some() {
+                    if *way == WAYS[0] {
                         self.record.make_good(Step::FirstMetre, None);
-                        self.record.note(format!("done: {}", Step::FirstMetre.words()));
                     }
                     self.kept();
                     return Ok(Ok(true));
