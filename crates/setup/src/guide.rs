@@ -295,10 +295,12 @@ impl<'a, C: Clock> Guide<'a, C> {
 
     fn steps(&mut self) -> Result<Ended, SetupError> {
         // Before anybody is looked at, which tells who lost his supply no more.
-        self.see_who_lost_supply()?;
+        let _ = self.note_who_lost_supply(0)?;
         if !self.finish_alias()? {
             return Ok(Ended::Left(None));
         }
+        // Who isn't as he was is told where that matters.
+        let _ = self.see_as_stored();
         for step in Step::ALL {
             let is_over = self.record.done.contains(&step);
             let was_passed_over = self.record.passed_over_of(step);
@@ -350,10 +352,12 @@ impl<'a, C: Clock> Guide<'a, C> {
         let mut bus = self.bus()?;
         let mut drives = self.record.drives.clone();
         self.take_back(&mut bus, &mut drives);
-        let goes_on = self.set_apart(bus.subdevices(), &mut drives)?;
+        if !self.set_apart(bus.subdevices(), &mut drives)? {
+            return Ok(false);
+        }
         self.record.drives = drives;
         self.are_enough(self.record.drives.len())?;
-        Ok(goes_on)
+        Ok(true)
     }
 
     /// A start of the robot finds everybody by the file; else what drives are found by is asked again.

@@ -219,6 +219,9 @@ pub struct Record {
     /// Drives as they were found before their first jog, until what jogs wrote over is put back.
     #[serde(default)]
     pub jogged: Vec<FoundDrive>,
+    /// Positions of drives that lost their supply and weren't looked at since: what those hold is what is stored in them.
+    #[serde(default)]
+    pub lost_supply: Vec<u16>,
     /// SubDevices that turn no wheel, by position.
     #[serde(default)]
     pub others: Vec<FoundDevice>,

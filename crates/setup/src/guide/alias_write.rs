@@ -152,7 +152,7 @@ impl<C: Clock> Guide<'_, C> {
             self.record.note(format!("SubDevice {position}: its EEPROM is as before alias {alias}"));
             self.kept();
         }
-        self.is_loaded(&mut bus, position)
+        self.is_loaded(bus, position)
     }
 
     /// Who was being written stands at another place: nobody knows which wheel any drive turns, so all are found and jogged again.
@@ -169,11 +169,13 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// A chip that was switched on with half an EEPROM loads it at its next power-on alone; `false` where it is left.
-    fn is_loaded(&mut self, bus: &mut AnyBus<C>, position: u16) -> Result<bool, SetupError> {
+    fn is_loaded(&mut self, mut bus: AnyBus<C>, position: u16) -> Result<bool, SetupError> {
         bus.scan().map_err(|error| in_words(&error))?;
         if bus.subdevice(position).is_ok_and(|one| one.broken.is_none()) {
             return Ok(true);
         }
+        // An interface is one's at a time.
+        drop(bus);
         self.are_switched_off_and_on()
     }
 }

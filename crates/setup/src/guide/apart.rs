@@ -33,8 +33,8 @@ impl<C: Clock> Guide<'_, C> {
             self.leave_alone(drives, &drive, &format!("is `{name}` of the file, {what}"));
         }
         // Who isn't among the drives any more was set apart before.
-        let mut said: Vec<FoundDrive> =
-            on_bus.iter().map(seen).filter(|drive| self.was_apart(drive)).collect();
+        let by_word = self.record.others.iter().filter(|one| one.is_apart_by_word);
+        let mut said: Vec<FoundDrive> = by_word.map(FoundDevice::as_drive).collect();
         said.retain(|one| drives.iter().all(|drive| drive.position != one.position));
         for drive in self.unclear(drives) {
             // Nobody else may be left over by now.
@@ -99,7 +99,7 @@ impl<C: Clock> Guide<'_, C> {
         })
     }
 
-    /// Adds to `drives` who turns no wheel because somebody said so, where some wheel has no drive: that may have been a mistake.
+    /// Adds to `drives` who was set apart, where some wheel has no drive: that may have been a mistake of somebody's, or of the file.
     pub(super) fn take_back(&self, bus: &mut AnyBus<C>, drives: &mut Vec<FoundDrive>) {
         if drives.len() >= self.plan.drives.len() && !self.record.has_found(UNDRIVEN) {
             return;
@@ -108,9 +108,9 @@ impl<C: Clock> Guide<'_, C> {
         drives.sort_by_key(|one| one.position);
     }
 
-    /// Whether somebody said before that it turns no wheel.
+    /// Whether it turned no wheel before.
     fn was_apart(&self, drive: &FoundDrive) -> bool {
-        self.record.others.iter().any(|one| one.is_apart_by_word && one.position == drive.position)
+        self.record.others.iter().any(|one| one.position == drive.position)
     }
 
     /// Whoever was there and is in no table of the file is there still, or gone for good: the file would do without him. `false` where

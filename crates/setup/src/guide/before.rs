@@ -115,23 +115,34 @@ impl<C: Clock> Guide<'_, C> {
         [refused, over]
     }
 
-    /// Whoever was jogged and is told from all others by his serial number gets back what he held, whether he turns a wheel or not.
+    /// Whoever was jogged and is told from all others, by a serial number or alias of his own, gets back what he held, whether he turns a
+    /// wheel or not.
     pub(super) fn put_back_known(&mut self, bus: &mut AnyBus<C>, drives: &mut [FoundDrive]) {
         for drive in drives {
-            let is_its = |one: &FoundDrive| has_its_numbers(one, drive);
-            let there = bus.subdevices().iter().map(seen).filter(is_its).count();
-            let mut its = self.record.jogged.iter().filter(|one| is_its(one)).peekable();
-            let is_jogged = its.peek().is_some();
-            let is_told_apart = drive.serial != 0 && there == 1 && its.all(|one| !one.has_twins);
-            if !is_jogged || !is_told_apart || !recall(&self.record.jogged, drive).is_empty() {
+            let was = drive.clone();
+            let is_its = |one: &FoundDrive| has_its_numbers(one, &was);
+            let has_alias = |one: &FoundDrive| is_its(one) && was.alias.is_some() && one.alias == was.alias;
+            let there: Vec<FoundDrive> = bus.subdevices().iter().map(seen).collect();
+            let is_alone = |is: &dyn Fn(&FoundDrive) -> bool| there.iter().filter(|one| is(one)).count() == 1;
+            let jogged = &self.record.jogged;
+            let by_serial = was.serial != 0
+                && is_alone(&is_its)
+                && jogged.iter().filter(|one| is_its(one)).all(|one| !one.has_twins);
+            let is_told: &dyn Fn(&FoundDrive) -> bool = match () {
+                () if by_serial => &is_its,
+                () if is_alone(&has_alias) => &has_alias,
+                () => continue,
+            };
+            if !jogged.iter().any(is_told) || !recall(jogged, drive).is_empty() {
                 continue;
             }
             let [refused, over] = self.write_back(bus, drive);
-            over.into_iter().for_each(|text| self.tell_found(text));
             if refused.is_empty() {
-                self.record.jogged.retain(|one| !has_its_numbers(one, drive));
+                self.record.jogged.retain(|one| !is_told(one));
             }
+            over.into_iter().for_each(|text| self.tell_found(text));
         }
+        self.is_nothing_left();
     }
 
     /// Whether a jog may have written this: its limit, or none by whoever maps it; what it writes itself otherwise; what the file asks.
@@ -184,10 +195,15 @@ impl<C: Clock> Guide<'_, C> {
             }
             asked.push(one);
         }
+        self.is_nothing_left();
+        Ok(true)
+    }
+
+    /// Where no jog left anything, none is found.
+    pub(super) fn is_nothing_left(&mut self) {
         if self.record.jogged.is_empty() {
             self.record.found_of(LEFT, Vec::new());
         }
-        Ok(true)
     }
 
     /// What a drive holds now is its own, whatever it held before.

@@ -142,6 +142,11 @@ impl<C: Clock> Guide<'_, C> {
         self.without_drive().is_none()
     }
 
+    /// Whether it turns no wheel, for each has another.
+    pub(super) fn is_left_over(&self, drive: &FoundDrive) -> bool {
+        drive.wheel.is_none() && self.has_every_wheel_one()
+    }
+
     fn without_drive(&self) -> Option<String> {
         let drives = &self.record.drives;
         let has = |name: &String| drives.iter().any(|drive| drive.wheel.as_ref() == Some(name));

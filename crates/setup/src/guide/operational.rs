@@ -20,7 +20,7 @@ use omnibase_session::session::{check_watchdogs, clock_direction, pace, supporte
 
 use super::at_start::{AtStart, MAX_TORQUE, OFFSETS};
 use super::before::remember;
-use super::{AnyBus, Guide, SetupError, in_words, is_it, seen, who};
+use super::{AnyBus, Guide, SetupError, has_its_numbers, in_words, is_it, seen, who};
 use crate::drive::{DriveMap, FIRST_OBJECT, Objects, can_be_jogged, mapped, put_bits};
 use crate::jog::{JOGGED_IN, Jogger};
 use crate::record::FoundDrive;
@@ -285,7 +285,10 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn are_those_found(&self, bus: &AnyBus<C>) -> Result<(), SetupError> {
         for was in &self.record.drives {
             let now = bus.subdevices().get(usize::from(was.position)).map(seen);
-            if !now.as_ref().is_some_and(|now| is_it(was, now)) {
+            // Who turns no wheel may have got an alias since.
+            let is_same =
+                |now: &FoundDrive| is_it(was, now) || self.is_left_over(was) && has_its_numbers(was, now);
+            if !now.as_ref().is_some_and(is_same) {
                 let found = now.as_ref().map_or("nobody".to_owned(), who);
                 return Err(SetupError::Changed { position: was.position, expected: who(was), found });
             }

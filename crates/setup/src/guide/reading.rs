@@ -154,11 +154,16 @@ impl<C: Clock> Guide<'_, C> {
                 return Err(SetupError::Changed { position: was.position, expected: who(was), found });
             }
         }
+        let left_over: Vec<u16> =
+            self.record.drives.iter().filter(|one| self.is_left_over(one)).map(|one| one.position).collect();
         let Record { drives, jogged, .. } = &mut self.record;
         // Nothing of a jog is in any of them: what was read just now is put back.
         self.are_placed = jogged.is_empty();
         for was in drives {
             if let Some(now) = now.iter_mut().find(|one| one.position == was.position) {
+                if left_over.contains(&was.position) {
+                    was.alias = now.alias;
+                }
                 see_again(jogged, was, now);
             }
         }

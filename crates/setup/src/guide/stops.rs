@@ -128,17 +128,15 @@ impl<C: Clock> Guide<'_, C> {
     /// until as many SubDevices answer as drives need, and those can be asked; `None` where it is left.
     pub(super) fn are_up(&mut self, id: String, text: String) -> Result<Option<Vec<u16>>, SetupError> {
         let needed = self.record.drives.iter().map(|drive| drive.position + 1).max().unwrap_or(0);
-        // Whoever was scanned once has an address again.
-        let mut all_lost = Vec::new();
         for _ in 0..ATTEMPTS {
             if self.choose(id.clone(), text.clone(), &["done".to_owned()]).is_err() {
                 return Ok(None);
             }
-            let problem = match self.who_lost_supply(needed)? {
-                Ok(lost) => {
-                    all_lost.extend(lost);
-                    match self.see_as_stored(&all_lost) {
-                        Ok(()) => return Ok(Some(all_lost)),
+            let problem = match self.note_who_lost_supply(needed)? {
+                Ok(()) => {
+                    let lost = self.record.lost_supply.clone();
+                    match self.see_as_stored() {
+                        Ok(()) => return Ok(Some(lost)),
                         Err(error) => error.to_string(),
                     }
                 }
@@ -151,7 +149,7 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Drives whose chip forgot the address that the last scan gave it: their supply was gone. Who was merely cut off has it still,
     /// and lost its torque by the end of the jog or by its watchdog. An error is how many SubDevices answer, where that are too few.
-    pub(super) fn who_lost_supply(&mut self, needed: u16) -> Result<Result<Vec<u16>, u16>, SetupError> {
+    pub(super) fn note_who_lost_supply(&mut self, needed: u16) -> Result<Result<(), u16>, SetupError> {
         let (link, clock) = (self.open)().map_err(SetupError::Open)?;
         let mut bus = Bus::new(link, clock, BusOptions::default());
         let there = bus.count().unwrap_or(0);
@@ -162,20 +160,28 @@ impl<C: Clock> Guide<'_, C> {
             let address = Access::read_at("the station address", *position, register::STATION_ADDRESS, 2);
             bus.transactor().perform_one(address).is_ok_and(|read| read.data == [0, 0])
         };
-        let Record { drives, jogged, .. } = &self.record;
-        let positions: BTreeSet<u16> = drives.iter().chain(jogged).map(|drive| drive.position).collect();
-        Ok(Ok(positions.into_iter().filter(has_lost).collect()))
+        let Record { drives, jogged, lost_supply, .. } = &mut self.record;
+        let positions: BTreeSet<u16> = drives.iter().chain(&*jogged).map(|drive| drive.position).collect();
+        // Whoever is scanned has an address again: it is known until those were looked at.
+        lost_supply.extend(positions.into_iter().filter(has_lost));
+        lost_supply.sort_unstable();
+        lost_supply.dedup();
+        if !lost_supply.is_empty() {
+            self.kept();
+        }
+        Ok(Ok(()))
     }
 
     /// Drives that lost their supply hold what is stored in them: nothing of what they held before a jog.
-    pub(super) fn see_as_stored(&mut self, lost: &[u16]) -> Result<(), SetupError> {
-        let is_lost = |one: &&FoundDrive| lost.contains(&one.position);
-        let jogged: Vec<FoundDrive> = self.record.jogged.iter().filter(is_lost).cloned().collect();
+    pub(super) fn see_as_stored(&mut self) -> Result<(), SetupError> {
+        let Record { jogged, lost_supply, .. } = &self.record;
+        let is_lost = |one: &&FoundDrive| lost_supply.contains(&one.position);
+        let jogged: Vec<FoundDrive> = jogged.iter().filter(is_lost).cloned().collect();
         if jogged.is_empty() {
+            self.record.lost_supply.clear();
             return Ok(());
         }
         let mut bus = self.bus()?;
-        self.are_those_found(&bus)?;
         let limit = self.wished.torque_per_mille.to_le_bytes();
         for one in jogged {
             let now = bus.subdevices().get(usize::from(one.position)).map(seen);
@@ -194,15 +200,9 @@ impl<C: Clock> Guide<'_, C> {
                 jogged.retain(|other| !is_it(other));
             }
         }
+        self.record.lost_supply.clear();
+        self.is_nothing_left();
         self.kept();
         Ok(())
-    }
-
-    /// The same of those who lost it since they were looked at last.
-    pub(super) fn see_who_lost_supply(&mut self) -> Result<(), SetupError> {
-        match self.who_lost_supply(0)? {
-            Ok(lost) => self.see_as_stored(&lost),
-            Err(_) => Ok(()),
-        }
     }
 }

@@ -178,7 +178,9 @@ impl Hand for Page {
     fn step(&mut self, step: Step, was_done: bool) {
         self.quiet();
         for (shown, one) in self.shown.steps.iter_mut().zip(Step::ALL) {
-            shown.is_done |= one < step || one == step && was_done;
+            // Behind drives that are found or jogged again nothing is done.
+            let counts = one <= step || was_done || step > Step::Jog;
+            shown.is_done = counts && (shown.is_done || one < step || one == step && was_done);
             shown.is_now = one == step && !was_done;
             // What of it is passed over again is said once it is over.
             shown.is_passed_over &= one != step;

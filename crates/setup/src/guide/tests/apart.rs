@@ -384,7 +384,13 @@ fn a_subdevice_that_is_gone_when_the_set_up_is_taken_up_is_asked_for() {
 /// there, or ends for another device of the file.
 #[test]
 fn who_was_jogged_and_turns_no_wheel_gets_back_what_it_held() {
-    let (link, clock) = segment_of("[[subdevice]]\nkind = \"sgdv\"\ncount = 4\nserial = 1\n");
+    for tells in ["serial = 1", "alias = 11"] {
+        gets_back_what_it_held(&format!("[[subdevice]]\nkind = \"sgdv\"\ncount = 4\n{tells}\n"));
+    }
+}
+
+fn gets_back_what_it_held(tables: &str) {
+    let (link, clock) = segment_of(tables);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let wrong = format!("{BASE}\n[[device]]\nname = \"lift\"\nalias = 9\nkind = \"ignore\"\n");
@@ -411,4 +417,23 @@ fn who_was_jogged_and_turns_no_wheel_gets_back_what_it_held() {
             );
         }
     }
+}
+
+/// Who turns no wheel, for each has another, may get an alias while the set-up is left; while wheels have none it may be another one.
+#[test]
+fn who_is_left_over_may_get_an_alias() {
+    let (link, clock) = segment_of("[[subdevice]]\nkind = \"sgdv\"\nalias = 11\ncount = 4\n");
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    with_found(BASE, &mut open, &mut Says("wheel"), |guide| {
+        guide.record.drives[3].alias = None;
+        assert!(matches!(guide.compare(), Err(SetupError::Changed { position: 3, .. })));
+        for (drive, wheel) in guide.record.drives.iter_mut().zip(["wheel_1", "wheel_2", "wheel_3"]) {
+            drive.wheel = Some(wheel.to_owned());
+        }
+        guide.compare().unwrap();
+        assert_eq!(guide.record.drives[3].alias, Some(14));
+        guide.record.drives[0].alias = None;
+        assert!(matches!(guide.compare(), Err(SetupError::Changed { position: 0, .. })));
+    });
 }

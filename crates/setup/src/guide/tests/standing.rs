@@ -134,6 +134,18 @@ fn who_was_said_to_turn_no_wheel_is_asked_for_again_where_a_wheel_has_no_drive()
             assert_eq!(places(guide), found);
         });
     }
+    // Where it is left there, nothing is otherwise the next time.
+    with_record(BASE, record.clone(), &mut open, &mut Nobody, |guide| {
+        assert!(!guide.is_as_it_was().unwrap());
+        assert_eq!((places(guide), guide.record.others.clone()), (vec![1, 2, 3], record.others.clone()));
+    });
+    // Nor is a file that named it by mistake a dead end.
+    let mut named = record.clone();
+    (named.others[0].is_apart_by_word, named.others[0].name) = (false, Some("lift".to_owned()));
+    with_record(BASE, named, &mut open, &mut Roles("wheel"), |guide| {
+        assert!(guide.is_as_it_was().unwrap());
+        assert_eq!(places(guide), [0, 1, 2, 3]);
+    });
     // Who is the last that may turn the wheel isn't taken for its drive unasked.
     record.drives.pop();
     for (said, found) in [("wheel", vec![0, 1, 2]), ("no wheel", vec![1, 2])] {

@@ -72,7 +72,8 @@ fn a_drive_that_lost_its_supply_keeps_what_is_stored_in_it() {
                 guide.wished.torque_per_mille = stored;
             }
             guide.operational().unwrap();
-            assert_eq!(guide.who_lost_supply(3).unwrap(), Ok(Vec::new()));
+            assert_eq!(guide.note_who_lost_supply(3).unwrap(), Ok(()));
+            assert_eq!(guide.record.lost_supply, Vec::<u16>::new());
             assert!(if is_stop { guide.stop_all() } else { guide.name_all() }.unwrap());
             assert_eq!(guide.record.drives[0].is_stopped, is_stop.then_some(true));
             guide.leave_as_found();
@@ -104,13 +105,33 @@ fn a_drive_that_lost_its_supply_while_the_set_up_was_left_keeps_what_is_stored_i
         (guide.record.done, guide.record.robot) = (vec![Step::Find], Some(guide.robot()));
         record = guide.record.clone();
     });
-    for fault in [Fault::PowerOff, Fault::PowerOn] {
-        injector.inject(0, fault);
-    }
-    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
-        assert_eq!(guide.run().unwrap(), Ended::Left(None));
-        assert_eq!(guide.record.jogged, []);
+    // Told while it was dark; and found as two drives of three, as a set-up begun anew then has them.
+    let mut dark = || -> Result<(Box<dyn Link>, VirtualClock), String> { Err("nobody answers".to_owned()) };
+    with_record(BASE, record.clone(), &mut dark, &mut Nobody, |guide| {
+        guide.leave_as_found();
+        record = guide.record.clone();
     });
-    assert_eq!(max_torques(&link, &clock), [stored; 3]);
+    assert_eq!(record.findings.len(), 1, "{:?}", record.findings);
+    for is_anew in [false, true] {
+        for fault in [Fault::PowerOff, Fault::PowerOn] {
+            injector.inject(0, fault);
+        }
+        let mut record = record.clone();
+        if is_anew {
+            record.done.clear();
+            record.drives.remove(0);
+            record.drives.iter_mut().for_each(|drive| drive.position -= 1);
+        }
+        with_record(BASE, record, &mut open, &mut Nobody, |guide| {
+            assert_eq!(guide.run().unwrap(), Ended::Left(None));
+            assert_eq!(
+                (guide.record.jogged.len(), guide.record.findings.len()),
+                (0, 0),
+                "{:?}",
+                guide.record
+            );
+        });
+        assert_eq!(max_torques(&link, &clock), [stored; 3]);
+    }
     assert_ne!(stored, 1100);
 }
