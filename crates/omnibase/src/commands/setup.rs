@@ -258,8 +258,8 @@ fn free(file: &Path, name: &str, end: &str) -> anyhow::Result<PathBuf> {
 
 /// What a set-up that is begun anew must know of the one before: files, an EEPROM and drives that it didn't leave whole, and of which
 /// robot.
-fn anew(Record { written, writing, jogged, robot, .. }: Record) -> Record {
-    Record { written, writing, jogged, robot, ..Record::default() }
+fn anew(Record { written, writing, jogged, lost_supply, robot, .. }: Record) -> Record {
+    Record { written, writing, jogged, lost_supply, robot, ..Record::default() }
 }
 
 /// Keeps a state beside itself; it stays what it is until a new one is written over it.

@@ -25,6 +25,16 @@ impl<C: Clock> Guide<'_, C> {
         let mut written_over = Vec::new();
         let mut fail = |drive: &FoundDrive, words| failed.push((drive.clone(), words));
         for drive in &self.record.drives {
+            if self.record.lost_supply.contains(&drive.position) {
+                fail(
+                    drive,
+                    format!(
+                        "SubDevice {} lost its supply since it was jogged, and what is stored in it isn't known yet: nothing is put back",
+                        drive.position
+                    ),
+                );
+                continue;
+            }
             let now = bus.subdevices().get(usize::from(drive.position)).map(seen);
             if !now.is_some_and(|now| is_it(drive, &now)) {
                 fail(
@@ -116,9 +126,13 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Whoever was jogged and is told from all others, by a serial number or alias of his own, gets back what he held, whether he turns a
-    /// wheel or not.
-    pub(super) fn put_back_known(&mut self, bus: &mut AnyBus<C>, drives: &mut [FoundDrive]) {
+    /// wheel or not: the positions of these.
+    pub(super) fn put_back_known(&mut self, bus: &mut AnyBus<C>, drives: &mut [FoundDrive]) -> Vec<u16> {
+        let mut known = Vec::new();
         for drive in drives {
+            if self.record.lost_supply.contains(&drive.position) {
+                continue;
+            }
             let was = drive.clone();
             let is_its = |one: &FoundDrive| has_its_numbers(one, &was);
             let has_alias = |one: &FoundDrive| is_its(one) && was.alias.is_some() && one.alias == was.alias;
@@ -136,6 +150,7 @@ impl<C: Clock> Guide<'_, C> {
             if !jogged.iter().any(is_told) || !recall(jogged, drive).is_empty() {
                 continue;
             }
+            known.push(drive.position);
             let [refused, over] = self.write_back(bus, drive);
             if refused.is_empty() {
                 self.record.jogged.retain(|one| !is_told(one));
@@ -143,6 +158,7 @@ impl<C: Clock> Guide<'_, C> {
             over.into_iter().for_each(|text| self.tell_found(text));
         }
         self.is_nothing_left();
+        known
     }
 
     /// Whether a jog may have written this: its limit, or none by whoever maps it; what it writes itself otherwise; what the file asks.
@@ -175,6 +191,8 @@ impl<C: Clock> Guide<'_, C> {
         if self.record.jogged.is_empty() {
             return Ok(true);
         }
+        // What can't be asked yet is told below.
+        let _ = self.see_as_stored();
         let mut bus = self.bus()?;
         self.put_back(&mut bus);
         self.kept();
@@ -218,7 +236,8 @@ impl<C: Clock> Guide<'_, C> {
 
     /// The same at the end, where a jog was made since the bus was seen last; whoever isn't there now is told what is left.
     pub(super) fn leave_as_found(&mut self) {
-        match self.bus() {
+        let looked = self.note_who_lost_supply(0).and_then(|_| self.see_as_stored());
+        match looked.and_then(|()| self.bus()) {
             Ok(mut bus) => self.put_back(&mut bus),
             Err(error) => self.tell_left(&error),
         }

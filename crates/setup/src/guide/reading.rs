@@ -76,12 +76,13 @@ impl<C: Clock> Guide<'_, C> {
         let text = format!("{} drives, and {others} SubDevices that are none", drives.len());
         self.hand.tell(&text);
         self.record.note(text);
-        self.put_back_known(&mut bus, &mut drives);
+        let known = self.put_back_known(&mut bus, &mut drives);
         if !self.set_apart(bus.subdevices(), &mut drives)? {
             return Ok(false);
         }
         let mut found = Vec::new();
-        for drive in &mut drives {
+        // Of those who got it back nothing else is remembered than of others that look alike.
+        for drive in drives.iter_mut().filter(|drive| !known.contains(&drive.position)) {
             found.extend(recall(&self.record.jogged, drive));
         }
         for drive in &drives {

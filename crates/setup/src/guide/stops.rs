@@ -128,15 +128,17 @@ impl<C: Clock> Guide<'_, C> {
     /// until as many SubDevices answer as drives need, and those can be asked; `None` where it is left.
     pub(super) fn are_up(&mut self, id: String, text: String) -> Result<Option<Vec<u16>>, SetupError> {
         let needed = self.record.drives.iter().map(|drive| drive.position + 1).max().unwrap_or(0);
+        // By this look alone: what was lost before is no emergency stop of now.
+        let mut lost = BTreeSet::new();
         for _ in 0..ATTEMPTS {
             if self.choose(id.clone(), text.clone(), &["done".to_owned()]).is_err() {
                 return Ok(None);
             }
             let problem = match self.note_who_lost_supply(needed)? {
-                Ok(()) => {
-                    let lost = self.record.lost_supply.clone();
+                Ok(now) => {
+                    lost.extend(now);
                     match self.see_as_stored() {
-                        Ok(()) => return Ok(Some(lost)),
+                        Ok(()) => return Ok(Some(lost.into_iter().collect())),
                         Err(error) => error.to_string(),
                     }
                 }
@@ -149,7 +151,7 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Drives whose chip forgot the address that the last scan gave it: their supply was gone. Who was merely cut off has it still,
     /// and lost its torque by the end of the jog or by its watchdog. An error is how many SubDevices answer, where that are too few.
-    pub(super) fn note_who_lost_supply(&mut self, needed: u16) -> Result<Result<(), u16>, SetupError> {
+    pub(super) fn note_who_lost_supply(&mut self, needed: u16) -> Result<Result<Vec<u16>, u16>, SetupError> {
         let (link, clock) = (self.open)().map_err(SetupError::Open)?;
         let mut bus = Bus::new(link, clock, BusOptions::default());
         let there = bus.count().unwrap_or(0);
@@ -163,13 +165,14 @@ impl<C: Clock> Guide<'_, C> {
         let Record { drives, jogged, lost_supply, .. } = &mut self.record;
         let positions: BTreeSet<u16> = drives.iter().chain(&*jogged).map(|drive| drive.position).collect();
         // Whoever is scanned has an address again: it is known until those were looked at.
-        lost_supply.extend(positions.into_iter().filter(has_lost));
+        let now: Vec<u16> = positions.into_iter().filter(has_lost).collect();
+        lost_supply.extend(&now);
         lost_supply.sort_unstable();
         lost_supply.dedup();
-        if !lost_supply.is_empty() {
+        if !now.is_empty() {
             self.kept();
         }
-        Ok(Ok(()))
+        Ok(Ok(now))
     }
 
     /// Drives that lost their supply hold what is stored in them: nothing of what they held before a jog.

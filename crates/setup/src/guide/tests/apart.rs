@@ -437,3 +437,33 @@ fn who_is_left_over_may_get_an_alias() {
         assert!(matches!(guide.compare(), Err(SetupError::Changed { position: 0, .. })));
     });
 }
+
+/// Of drives that look alike but for one's alias each gets back what it held itself, that one first.
+#[test]
+fn who_is_told_by_its_alias_gets_back_its_own() {
+    let tables = "[[subdevice]]\nkind = \"sgdv\"\nalias = 11\n[[subdevice]]\nkind = \"sgdv\"\ncount = 2\n";
+    let (link, clock) = segment_of(tables);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+    let held = [1500_u16, 2500, 2500];
+    for (position, value) in (0..).zip(held) {
+        by_tool(&link, &clock).sdo_write(position, torque, &value.to_le_bytes()).unwrap();
+    }
+    let mut record = Record::default();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        record.jogged = guide.record.jogged.clone();
+    });
+    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
+        assert!(guide.find().unwrap());
+        guide.leave_as_found();
+        assert_eq!(
+            (guide.record.jogged.len(), guide.record.findings.len()),
+            (0, 0),
+            "{:?}",
+            guide.record.findings
+        );
+    });
+    assert_eq!(max_torques(&link, &clock), held);
+}

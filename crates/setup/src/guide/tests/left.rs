@@ -140,12 +140,9 @@ fn what_the_file_has_drives_store_is_not_asked_for_by_a_jog() {
 /// A drive that took a jogged one's place before all were found again is remembered, too; the one that is gone isn't forgotten.
 #[test]
 fn a_drive_in_the_place_of_a_jogged_one_is_remembered_and_that_one_is_told() {
-    let plan = robot_file::plan(BASE, &Registry::with_built_in()).unwrap();
-    let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
-        let (segment, _) = omnibase_run::simulated::segment(&plan).map_err(|error| error.to_string())?;
-        let (link, clock) = omnibase_ethercat_sim::in_process(segment);
-        Ok((Box::new(link), clock))
-    };
+    let (link, clock) = drives_of(BASE);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let gone = FoundDrive { serial: 12_345, position: 2, ..FoundDrive::default() };
     let record = Record { jogged: vec![gone.clone()], ..Record::default() };
     with_record(BASE, record, &mut open, &mut Nobody, |guide| {

@@ -72,8 +72,7 @@ fn a_drive_that_lost_its_supply_keeps_what_is_stored_in_it() {
                 guide.wished.torque_per_mille = stored;
             }
             guide.operational().unwrap();
-            assert_eq!(guide.note_who_lost_supply(3).unwrap(), Ok(()));
-            assert_eq!(guide.record.lost_supply, Vec::<u16>::new());
+            assert_eq!(guide.note_who_lost_supply(3).unwrap(), Ok(Vec::new()));
             assert!(if is_stop { guide.stop_all() } else { guide.name_all() }.unwrap());
             assert_eq!(guide.record.drives[0].is_stopped, is_stop.then_some(true));
             guide.leave_as_found();
@@ -134,4 +133,32 @@ fn a_drive_that_lost_its_supply_while_the_set_up_was_left_keeps_what_is_stored_i
         assert_eq!(max_torques(&link, &clock), [stored; 3]);
     }
     assert_ne!(stored, 1100);
+}
+
+/// What was lost before is no emergency stop of now, and nothing is put into who couldn't be asked since.
+#[test]
+fn who_lost_its_supply_before_is_not_stopped_now_and_nothing_is_put_into_it_unasked() {
+    let (link, clock) = drives_of(BASE);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    with_found(BASE, &mut open, &mut Says("done"), |guide| {
+        guide.operational().unwrap();
+        guide.record.lost_supply = vec![0];
+        let mut bus = by_tool(&link, &clock);
+        let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+        bus.sdo_write(0, torque, &2500_u16.to_le_bytes()).unwrap();
+        let mut bus = guide.bus().unwrap();
+        guide.put_back(&mut bus);
+        drop(bus);
+        assert_eq!(max_torques(&link, &clock), [2500, 3000, 3000]);
+        assert_eq!(
+            (guide.record.jogged.len(), guide.record.findings.len()),
+            (1, 1),
+            "{:?}",
+            guide.record.findings
+        );
+        assert_eq!(guide.are_up("release 0".to_owned(), String::new()).unwrap(), Some(Vec::new()));
+        assert_eq!((guide.record.jogged.len(), guide.record.findings.len()), (0, 0));
+        assert_eq!(max_torques(&link, &clock), [2500, 3000, 3000]);
+    });
 }
