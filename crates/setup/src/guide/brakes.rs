@@ -90,8 +90,7 @@ impl<C: Clock> Guide<'_, C> {
             let why = format!(
                 "{wheel}: frames were lost while it was pushed, so nobody saw whether its brake holds: look at the cables"
             );
-            self.hand.tell(&why);
-            self.record.failed(Step::Brake, Some(wheel), why);
+            self.tell_failed(Step::Brake, wheel, why);
             return Ok(Ok(false));
         };
         let turns = span as f64 / self.record.drives[number].seen_counts.unwrap_or(1.0);

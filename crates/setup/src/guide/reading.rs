@@ -262,6 +262,12 @@ impl<C: Clock> Guide<'_, C> {
         self.record.found_of(what, texts);
     }
 
+    /// Says, and keeps until it is done, why a step failed for a wheel.
+    pub(super) fn tell_failed(&mut self, step: Step, wheel: &str, text: String) {
+        self.hand.tell(&text);
+        self.record.failed(step, Some(wheel), text);
+    }
+
     /// The file's parameters against what the drives hold: shown, written where wished, stored where wished.
     pub(super) fn parameters(&mut self) -> Result<bool, SetupError> {
         let mut bus = self.bus()?;

@@ -47,9 +47,7 @@ impl<C: Clock> Guide<'_, C> {
                         break;
                     }
                     Tried::Failed(words) => {
-                        let why = format!("{wheel}: {words}");
-                        self.hand.tell(&why);
-                        self.record.failed(Step::SafeTorqueOff, Some(&wheel), why);
+                        self.tell_failed(Step::SafeTorqueOff, &wheel, format!("{wheel}: {words}"));
                     }
                     Tried::Untried(_) => {}
                 }

@@ -7,7 +7,7 @@ use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{HostTime, LinkError};
 use omnibase_ethercat::{Bus, BusOptions};
-use omnibase_ethercat_sim::VirtualClock;
+use omnibase_ethercat_sim::{Injector, VirtualClock};
 
 use super::*;
 
@@ -260,6 +260,21 @@ fn drives_of(base: &str) -> (Powered, VirtualClock) {
     let segment = omnibase_run::simulated::segment(&plan).unwrap().0;
     let (link, clock) = omnibase_ethercat_sim::in_process(segment);
     (Powered(Rc::new(RefCell::new(link))), clock)
+}
+
+/// A segment of these tables that keeps its supply.
+fn segment_of(tables: &str) -> (Powered, VirtualClock) {
+    let (link, clock, _) = faulty_segment_of(tables);
+    (link, clock)
+}
+
+/// The same, and what injects faults into it.
+fn faulty_segment_of(tables: &str) -> (Powered, VirtualClock, Injector) {
+    let segment = omnibase_ethercat_sim::SegmentFile::parse(tables).unwrap();
+    let mut segment = segment.build(std::path::Path::new(".")).unwrap();
+    let injector = segment.injector();
+    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
+    (Powered(Rc::new(RefCell::new(link))), clock, injector)
 }
 
 /// A segment that keeps its supply, whoever is at its end.

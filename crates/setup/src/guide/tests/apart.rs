@@ -39,13 +39,6 @@ impl<F: FnMut(&str) -> Option<&'static str>> Hand for Notes<F> {
     }
 }
 
-/// A segment of these tables that keeps its supply.
-fn segment_of(tables: &str) -> (Powered, VirtualClock) {
-    let segment = omnibase_ethercat_sim::SegmentFile::parse(tables).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(segment.build(std::path::Path::new(".")).unwrap());
-    (Powered(Rc::new(RefCell::new(link))), clock)
-}
-
 fn positions(record: &Record) -> Vec<u16> {
     record.drives.iter().map(|drive| drive.position).collect()
 }

@@ -220,11 +220,7 @@ fn what_drives_that_look_alike_were_before_is_not_guessed() {
 /// whether they were swapped: nothing is written into the wrong one until somebody says that they weren't.
 #[test]
 fn what_was_in_drives_that_look_alike_is_put_back_once_their_places_are_known() {
-    let text = "[[subdevice]]\nkind = \"servo\"\ncount = 3\n";
-    let segment = omnibase_ethercat_sim::SegmentFile::parse(text).unwrap();
-    let segment = segment.build(std::path::Path::new(".")).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
@@ -269,12 +265,7 @@ fn what_was_in_drives_that_look_alike_is_put_back_once_their_places_are_known() 
 #[test]
 fn one_that_is_gone_of_those_that_look_alike_stays_remembered() {
     use omnibase_ethercat_sim::Fault;
-    let text = "[[subdevice]]\nkind = \"servo\"\ncount = 3\n";
-    let segment = omnibase_ethercat_sim::SegmentFile::parse(text).unwrap();
-    let mut segment = segment.build(std::path::Path::new(".")).unwrap();
-    let injector = segment.injector();
-    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock, injector) = faulty_segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let as_found = max_torques(&link, &clock);
@@ -342,11 +333,7 @@ fn a_drive_that_is_gone_is_told_until_somebody_has_it_forgotten() {
 /// Nobody knows what each of drives that look alike held, and the maker's tool set them: once that is said, what they hold is their own.
 #[test]
 fn what_the_makers_tool_set_is_a_drives_own_once_somebody_says_so() {
-    let text = "[[subdevice]]\nkind = \"servo\"\ncount = 3\n";
-    let segment = omnibase_ethercat_sim::SegmentFile::parse(text).unwrap();
-    let segment = segment.build(std::path::Path::new(".")).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let mut jogged = Vec::new();
@@ -380,10 +367,7 @@ fn drives_with_one_serial_number_keep_what_each_held() {
             0 => "[[subdevice]]\nkind = \"servo\"\nserial = 7\n".to_owned(),
             alias => format!("[[subdevice]]\nkind = \"servo\"\nserial = 7\nalias = {alias}\n"),
         };
-        let segment = omnibase_ethercat_sim::SegmentFile::parse(&aliases.map(table).concat()).unwrap();
-        let (link, clock) =
-            omnibase_ethercat_sim::in_process(segment.build(std::path::Path::new(".")).unwrap());
-        let link = Powered(Rc::new(RefCell::new(link)));
+        let (link, clock) = segment_of(&aliases.map(table).concat());
         let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
             Ok((Box::new(link.clone()), clock.clone()))
         };

@@ -104,10 +104,7 @@ fn what_a_jog_left_is_put_back_before_the_floor() {
 /// One wrong word is no dead end: who was said to turn no wheel is asked for again where a wheel is left without a drive.
 #[test]
 fn who_was_said_to_turn_no_wheel_is_asked_for_again_where_a_wheel_has_no_drive() {
-    let segment = "[[subdevice]]\nkind = \"sgdv\"\ncount = 4\nserial = 1\n";
-    let segment = omnibase_ethercat_sim::SegmentFile::parse(segment).unwrap();
-    let (link, clock) = omnibase_ethercat_sim::in_process(segment.build(std::path::Path::new(".")).unwrap());
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock) = segment_of("[[subdevice]]\nkind = \"sgdv\"\ncount = 4\nserial = 1\n");
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let mut record = Record::default();

@@ -1,6 +1,6 @@
 //! What a drive holds that lost its supply meanwhile.
 
-use omnibase_ethercat_sim::{Fault, Injector};
+use omnibase_ethercat_sim::Fault;
 
 use super::*;
 
@@ -49,11 +49,7 @@ fn a_drive_that_lost_its_supply_keeps_what_is_stored_in_it() {
     for (is_stop, is_jogs) in [(false, false), (true, false), (false, true), (true, true)] {
         let tables = "[[subdevice]]\nkind = \"servo\"\n[[subdevice]]\nkind = \"servo\"\nalias = 9\ncount = 1\n\
                       [[subdevice]]\nkind = \"servo\"\n";
-        let segment = omnibase_ethercat_sim::SegmentFile::parse(tables).unwrap();
-        let mut segment = segment.build(std::path::Path::new(".")).unwrap();
-        let injector = segment.injector();
-        let (link, clock) = omnibase_ethercat_sim::in_process(segment);
-        let link = Powered(Rc::new(RefCell::new(link)));
+        let (link, clock, injector) = faulty_segment_of(tables);
         let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
             Ok((Box::new(link.clone()), clock.clone()))
         };
@@ -88,11 +84,7 @@ fn a_drive_that_lost_its_supply_keeps_what_is_stored_in_it() {
 #[test]
 fn a_drive_that_lost_its_supply_while_the_set_up_was_left_keeps_what_is_stored_in_it() {
     let tables = "[[subdevice]]\nkind = \"sgdv\"\ncount = 3\nserial = 1\n";
-    let segment = omnibase_ethercat_sim::SegmentFile::parse(tables).unwrap();
-    let mut segment = segment.build(std::path::Path::new(".")).unwrap();
-    let injector = segment.injector();
-    let (link, clock) = omnibase_ethercat_sim::in_process(segment);
-    let link = Powered(Rc::new(RefCell::new(link)));
+    let (link, clock, injector) = faulty_segment_of(tables);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let stored = max_torques(&link, &clock)[0];
