@@ -95,12 +95,6 @@ pub enum SetupError {
         "this set-up was begun with the file of a robot with other wheels, or at other places: give that one, or begin anew"
     )]
     OtherRobot,
-    /// A jog that was cut off was another robot's.
-    #[error(
-        "drives of another robot were jogged by this set-up and aren't as they were found: take it up on that robot, and give this one \
-         another --output"
-    )]
-    OtherJogged,
     /// There are fewer drives than wheels.
     #[error(
         "the file has {wheels} wheels, on the bus are {drives} drives of the profile CiA 402 that may turn one (who is a device of the \
@@ -155,7 +149,9 @@ pub struct Guide<'a, C: Clock> {
     /// Called with the record after each thing that was done.
     pub(crate) keep: Keep<'a>,
     pub(crate) back_up: BackUp<'a>,
-    /// Each drive is known to be where it was when it was looked at.
+    /// Drives with what they held before the jogs of this program, until it is put back.
+    pub(crate) written: Vec<FoundDrive>,
+    /// Each of these was in sight since, so that nobody else is in its place and nobody set anything in it.
     pub(crate) are_placed: bool,
 }
 
@@ -248,7 +244,7 @@ impl<'a, C: Clock> Guide<'a, C> {
         Outside { hand, keep, back_up }: Outside<'a>,
     ) -> Result<Self, SetupError> {
         let plan = robot_file::plan(&wished.base, &Registry::with_built_in())?;
-        Ok(Guide { wished, plan, open, hand, record, keep, back_up, are_placed: false })
+        Ok(Guide { wished, plan, open, hand, record, keep, back_up, written: Vec::new(), are_placed: false })
     }
 
     /// Keeps what was found so far; whoever can't is told at once, for nobody wants to find it all again.
@@ -262,28 +258,14 @@ impl<'a, C: Clock> Guide<'a, C> {
     pub fn run(&mut self) -> Result<Ended, SetupError> {
         let robot = self.robot();
         let is_another = self.record.robot.as_ref().is_some_and(|begun| *begun != robot);
-        if is_another && !self.record.done.is_empty() {
-            // Drives of this robot may look like those that were jogged, so nothing is put back into them.
-            if !self.record.jogged.is_empty() {
-                self.tell_left(&SetupError::OtherRobot);
-                self.kept();
-            }
-            return Err(SetupError::OtherRobot);
-        }
-        // Nothing else tells two robots of one kind apart.
-        let is_doubtful = is_another || self.record.jogged.iter().any(|one| one.serial == 0 || one.has_twins);
-        if is_doubtful && !self.record.jogged.is_empty() {
-            match self.is_robot_that_was_jogged() {
-                Ok(true) => {}
-                Ok(false) => return Err(SetupError::OtherJogged),
-                Err(Leave) => return Ok(Ended::Left(None)),
-            }
-        }
-        self.record.robot = Some(robot);
-        let ended = self.steps();
-        if !self.record.jogged.is_empty() {
-            self.leave_as_found();
-        }
+        let ended = if is_another && !self.record.done.is_empty() {
+            Err(SetupError::OtherRobot)
+        } else {
+            self.record.robot = Some(robot);
+            self.steps()
+        };
+        let refused = self.leave_as_found();
+        self.tell_left(&refused);
         ended
     }
 
@@ -294,13 +276,9 @@ impl<'a, C: Clock> Guide<'a, C> {
     }
 
     fn steps(&mut self) -> Result<Ended, SetupError> {
-        // Before anybody is looked at, which tells who lost his supply no more.
-        let _ = self.note_who_lost_supply(0)?;
-        if !self.finish_alias()? {
+        if !self.are_as_stored()? || !self.finish_alias()? {
             return Ok(Ended::Left(None));
         }
-        // Who isn't as he was is told where that matters.
-        let _ = self.see_as_stored();
         for step in Step::ALL {
             let is_over = self.record.done.contains(&step);
             let was_passed_over = self.record.passed_over_of(step);
@@ -324,7 +302,7 @@ impl<'a, C: Clock> Guide<'a, C> {
                 }
             }
             let done = match step {
-                Step::Find => self.find()? && self.settle()?,
+                Step::Find => self.find()?,
                 Step::Jog => self.jog_all()?,
                 Step::Enable => self.enable_all()?,
                 Step::SafeTorqueOff => self.stop_all()?,
@@ -346,7 +324,7 @@ impl<'a, C: Clock> Guide<'a, C> {
     /// Whoever was found is there still, where he was, and holds what he held; `false` where it is left.
     fn is_as_it_was(&mut self) -> Result<bool, SetupError> {
         self.compare()?;
-        if !self.is_nobody_gone()? || !self.are_in_their_places()? || !self.settle()? {
+        if !self.is_nobody_gone()? || !self.are_in_their_places()? {
             return Ok(false);
         }
         let mut bus = self.bus()?;

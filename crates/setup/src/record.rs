@@ -107,15 +107,12 @@ pub struct FoundDrive {
     pub is_by_position: bool,
     /// 0x6076, N·m, where it says it.
     pub rated_torque_nm: Option<f64>,
-    /// What a jog writes over in it, as it was found: index, subindex and bytes.
-    #[serde(default)]
+    /// What a jog writes over in it, as it was when it was looked at last: index, subindex and bytes.
+    #[serde(skip)]
     pub was: Vec<(u16, u8, Vec<u8>)>,
     /// An alias that was written and that it didn't show yet; it is found by its position until then.
     #[serde(default)]
     pub written_alias: Option<u16>,
-    /// Others on its bus had its numbers, too, when it was jogged: its serial number tells nobody apart.
-    #[serde(default)]
-    pub has_twins: bool,
     /// Counts per turn of the motor by 0x608F, where it says it.
     pub told_counts: Option<f64>,
     /// Turns of the motor per turn of the shaft by 0x6091, where it says it.
@@ -216,12 +213,9 @@ pub struct Record {
     pub passed_over: Vec<PassedOver>,
     /// Drives, by position.
     pub drives: Vec<FoundDrive>,
-    /// Drives as they were found before their first jog, until what jogs wrote over is put back.
+    /// Drives into which a jog wrote, until what it wrote over is put back.
     #[serde(default)]
     pub jogged: Vec<FoundDrive>,
-    /// Positions of drives that lost their supply and weren't looked at since: what those hold is what is stored in them.
-    #[serde(default)]
-    pub lost_supply: Vec<u16>,
     /// SubDevices that turn no wheel, by position.
     #[serde(default)]
     pub others: Vec<FoundDevice>,

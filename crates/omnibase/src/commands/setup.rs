@@ -256,10 +256,9 @@ fn free(file: &Path, name: &str, end: &str) -> anyhow::Result<PathBuf> {
     anyhow::bail!("no name is free beside `{}`", file.display())
 }
 
-/// What a set-up that is begun anew must know of the one before: files, an EEPROM and drives that it didn't leave whole, and of which
-/// robot.
-fn anew(Record { written, writing, jogged, lost_supply, robot, .. }: Record) -> Record {
-    Record { written, writing, jogged, lost_supply, robot, ..Record::default() }
+/// What a set-up that is begun anew must know of the one before: files, an EEPROM and drives that it didn't leave whole.
+fn anew(Record { written, writing, jogged, .. }: Record) -> Record {
+    Record { written, writing, jogged, ..Record::default() }
 }
 
 /// Keeps a state beside itself; it stays what it is until a new one is written over it.

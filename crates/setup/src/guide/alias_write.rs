@@ -447,6 +447,10 @@ mod tests {
             let mut says = says.iter();
             let mut hand = Asked(|question: &Question| {
                 let said = says.next().copied().flatten();
+                if question.id == "power" {
+                    injector.inject(1, Fault::PowerOff);
+                    injector.inject(1, Fault::PowerOn);
+                }
                 if said == Some("look again") {
                     assert_eq!(question.id, "unseen 1");
                     injector.inject(1, Fault::PowerOn);

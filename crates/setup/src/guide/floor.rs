@@ -367,10 +367,7 @@ impl<C: Clock> Guide<'_, C> {
         // Whoever carried it to the floor may have switched it off, and plugged it otherwise: the file knows no serial numbers.
         let mut bus = self.bus()?;
         self.are_those_found(&bus)?;
-        // A jog since left its limits in them.
-        if !self.record.jogged.is_empty() {
-            self.put_back(&mut bus);
-        }
+        self.put_back(&mut bus);
         drop(bus);
         let (link, clock) = (self.open)().map_err(SetupError::Open)?;
         let mut warnings = Vec::new();

@@ -31,8 +31,15 @@ pub(super) enum Motion {
 }
 
 impl<C: Clock> Guide<'_, C> {
-    /// Turns one drive while its key is held.
+    /// Turns one drive while its key is held; all have back what they held then.
     pub(super) fn jog(&mut self, number: usize, motion: Motion, what: &str) -> Result<Jog, SetupError> {
+        let jog = self.jog_limited(number, motion, what);
+        self.leave_as_found();
+        jog
+    }
+
+    /// With the limits of a jog in all drives.
+    pub(super) fn jog_limited(&mut self, number: usize, motion: Motion, what: &str) -> Result<Jog, SetupError> {
         let mut operational = self.operational()?;
         let drive = self.record.drives[number].clone();
         if let Err(words) = operational.shows_its_mode(number, drive.position)? {
@@ -81,6 +88,12 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Nothing is enabled for so long: between the least and the greatest position of one drive, counts; `None` where frames were lost.
     pub(super) fn watch(&mut self, number: usize, seconds: f64) -> Result<Option<i64>, SetupError> {
+        let span = self.watch_limited(number, seconds);
+        self.leave_as_found();
+        span
+    }
+
+    fn watch_limited(&mut self, number: usize, seconds: f64) -> Result<Option<i64>, SetupError> {
         let mut operational = self.operational()?;
         let cycles = (seconds / self.wished.cycle.as_secs_f64()).ceil() as u32;
         let span = operational.jogger(number).watch(cycles)?;

@@ -19,7 +19,6 @@ use omnibase_robot::config::BusPlan;
 use omnibase_session::session::{check_watchdogs, clock_direction, pace, supported_modes};
 
 use super::at_start::{AtStart, MAX_TORQUE, OFFSETS};
-use super::before::remember;
 use super::{AnyBus, Guide, SetupError, has_its_numbers, in_words, is_it, seen, who};
 use crate::drive::{DriveMap, FIRST_OBJECT, Objects, can_be_jogged, mapped, put_bits};
 use crate::jog::{JOGGED_IN, Jogger};
@@ -130,10 +129,8 @@ impl<C: Clock> Guide<'_, C> {
         let mut bus = Bus::new(link, clock, BusOptions::default());
         bus.scan().map_err(|error| in_words(&error))?;
         self.are_those_found(&bus)?;
-        if remember(&mut self.record) {
-            // Nobody could put back what is in no state.
-            (self.keep)(&self.record).map_err(SetupError::Unkept)?;
-        }
+        bus.configure(&[]).map_err(|error| in_words(&error))?;
+        self.remember(&mut bus)?;
         let cycle_ns = self.wished.cycle.as_nanos() as u64;
         let bus_plan = BusPlan { cycle_ns, receive_timeout_ns: cycle_ns * 9 / 10, ..self.plan.bus };
         self.configure(&mut bus, &bus_plan)?;

@@ -11,10 +11,9 @@ use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 
-use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE, OFFSETS, STORE};
-use super::before::{recall, see_again};
+use super::at_start::{AtStart, JOG_WRITES, OFFSETS, STORE};
 use super::{AnyBus, Guide, SetupError, in_words, is_it, is_product, seen, who};
-use crate::record::{FoundDrive, Record, Step};
+use crate::record::{FoundDrive, Step};
 
 /// The profile of drives in 0x1000.
 const DRIVES: u32 = 402;
@@ -70,21 +69,19 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Finds the drives and notes what those say of themselves that may turn a wheel; `false` where it is left.
     pub(super) fn find(&mut self) -> Result<bool, SetupError> {
+        if !self.written.is_empty() && !self.are_as_stored()? {
+            return Ok(false);
+        }
         let mut bus = self.bus()?;
         let mut drives = self.drives_on(&mut bus);
         let others = bus.subdevices().len() - drives.len();
         let text = format!("{} drives, and {others} SubDevices that are none", drives.len());
         self.hand.tell(&text);
         self.record.note(text);
-        let known = self.put_back_known(&mut bus, &mut drives);
         if !self.set_apart(bus.subdevices(), &mut drives)? {
             return Ok(false);
         }
         let mut found = Vec::new();
-        // Of those who got it back nothing else is remembered than of others that look alike.
-        for drive in drives.iter_mut().filter(|drive| !known.contains(&drive.position)) {
-            found.extend(recall(&self.record.jogged, drive));
-        }
         for drive in &drives {
             let rated = drive.rated_torque_nm.map_or("not told".to_owned(), |torque| format!("{torque} N·m"));
             let counts = drive.told_counts.map_or("not told".to_owned(), |counts| counts.to_string());
@@ -131,16 +128,10 @@ impl<C: Clock> Guide<'_, C> {
             }
         }
         self.tell_found_of("said by drives", found);
-        if let Err(error) = self.are_enough(drives.len()) {
-            // What a jog left in those that are there is put back all the same.
-            if !self.record.jogged.is_empty() {
-                (self.record.drives, self.are_placed) = (drives, true);
-            }
-            return Err(error);
-        }
+        self.are_enough(drives.len())?;
         self.record.drives = drives;
-        self.are_placed = true;
         self.tell_offsets();
+        self.tell_limited();
         Ok(true)
     }
 
@@ -157,15 +148,12 @@ impl<C: Clock> Guide<'_, C> {
         }
         let left_over: Vec<u16> =
             self.record.drives.iter().filter(|one| self.is_left_over(one)).map(|one| one.position).collect();
-        let Record { drives, jogged, .. } = &mut self.record;
-        // Nothing of a jog is in any of them: what was read just now is put back.
-        self.are_placed = jogged.is_empty();
-        for was in drives {
+        for was in &mut self.record.drives {
             if let Some(now) = now.iter_mut().find(|one| one.position == was.position) {
                 if left_over.contains(&was.position) {
                     was.alias = now.alias;
                 }
-                see_again(jogged, was, now);
+                was.was = std::mem::take(&mut now.was);
             }
         }
         let mut shown = Vec::new();
@@ -192,6 +180,7 @@ impl<C: Clock> Guide<'_, C> {
             self.record.note(text);
         }
         self.tell_offsets();
+        self.tell_limited();
         Ok(())
     }
 
@@ -218,10 +207,9 @@ impl<C: Clock> Guide<'_, C> {
     /// jogged is jogged again where he doesn't know. `false` where he leaves.
     pub(super) fn are_in_their_places(&mut self) -> Result<bool, SetupError> {
         let drives = &self.record.drives;
-        let jogged = |one: &&FoundDrive| one.wheel.is_some() || self.is_doubtful(one);
         let alike: Vec<String> = drives
             .iter()
-            .filter(jogged)
+            .filter(|one| one.wheel.is_some())
             .filter(|one| {
                 let is_alike = drives.iter().any(|other| other.position != one.position && is_it(one, other));
                 // A lift may be in a wheel's place by now.
@@ -246,7 +234,6 @@ impl<C: Clock> Guide<'_, C> {
             }
             self.finish(Step::Find);
         }
-        self.are_placed = true;
         Ok(true)
     }
 
@@ -271,7 +258,6 @@ impl<C: Clock> Guide<'_, C> {
     /// The file's parameters against what the drives hold: shown, written where wished, stored where wished.
     pub(super) fn parameters(&mut self) -> Result<bool, SetupError> {
         let mut bus = self.bus()?;
-        // Whatever is written now is written into those that were jogged.
         self.are_those_found(&bus)?;
         self.put_back(&mut bus);
         let drives = self.record.drives.clone();
@@ -368,10 +354,7 @@ pub(super) fn held<C: Clock>(
     for (index, subindex) in JOG_WRITES.into_iter().chain(of_file.objects()) {
         let object = ObjectAddress::new(index, subindex);
         let Ok(bytes) = bus.sdo_read(drive.position, object, SdoAccess::Entry) else { continue };
-        // None at all is what a jog that was cut off left there.
-        if index != MAX_TORQUE || bytes.iter().any(|byte| *byte != 0) {
-            held.push((index, subindex, bytes));
-        }
+        held.push((index, subindex, bytes));
     }
     held
 }

@@ -2,16 +2,12 @@
 
 use std::collections::BTreeSet;
 
-use omnibase_ethercat::transaction::Access;
-use omnibase_ethercat::wire::{Clock, register};
-use omnibase_ethercat::{Bus, BusOptions};
+use omnibase_ethercat::wire::Clock;
 
-use super::at_start::MAX_TORQUE;
 use super::jogging::Motion;
-use super::reading::held;
-use super::{ATTEMPTS, Guide, Leave, SetupError, has_its_numbers, seen};
+use super::{ATTEMPTS, Guide, Leave, SetupError};
 use crate::jog::JogEnd;
-use crate::record::{FoundDrive, Record, Step};
+use crate::record::Step;
 
 /// How long a drive is enabled while somebody goes to press it, s.
 const PRESSED_WITHIN_S: f64 = 30.0;
@@ -122,8 +118,8 @@ impl<C: Clock> Guide<'_, C> {
         })
     }
 
-    /// Somebody says that the drives are up: which of them lost their supply meanwhile; these hold what is stored in them. Asked again
-    /// until as many SubDevices answer as drives need, and those can be asked; `None` where it is left.
+    /// Somebody says that the drives are up: which of them lost their supply meanwhile. Asked again until as many SubDevices answer as
+    /// drives need, and those can be asked; `None` where it is left.
     pub(super) fn are_up(&mut self, id: String, text: String) -> Result<Option<Vec<u16>>, SetupError> {
         let needed = self.record.drives.iter().map(|drive| drive.position + 1).max().unwrap_or(0);
         // By this look alone: what was lost before is no emergency stop of now.
@@ -132,78 +128,22 @@ impl<C: Clock> Guide<'_, C> {
             if self.choose(id.clone(), text.clone(), &["done".to_owned()]).is_err() {
                 return Ok(None);
             }
-            let problem = match self.note_who_lost_supply(needed)? {
-                Ok(now) => {
-                    lost.extend(now);
-                    match self.see_as_stored() {
-                        Ok(()) => return Ok(Some(lost.into_iter().collect())),
-                        Err(error) => error.to_string(),
+            let (there, now) = self.who_lost_supply()?;
+            lost.extend(now);
+            let problem = if there < needed {
+                format!("{there} SubDevices answer, and at least {needed} are needed")
+            } else {
+                match self.bus() {
+                    Ok(mut bus) => {
+                        self.are_placed = false;
+                        self.put_back(&mut bus);
+                        return Ok(Some(lost.into_iter().collect()));
                     }
+                    Err(error) => error.to_string(),
                 }
-                Err(there) => format!("{there} SubDevices answer, and at least {needed} are needed"),
             };
             self.hand.tell(&format!("{problem}: wait until all drives are up, and say it again"));
         }
         Ok(None)
-    }
-
-    /// Drives whose chip forgot the address that the last scan gave it: their supply was gone. Who was merely cut off has it still,
-    /// and lost its torque by the end of the jog or by its watchdog. An error is how many SubDevices answer, where that are too few.
-    pub(super) fn note_who_lost_supply(&mut self, needed: u16) -> Result<Result<Vec<u16>, u16>, SetupError> {
-        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
-        let mut bus = Bus::new(link, clock, BusOptions::default());
-        let there = bus.count().unwrap_or(0);
-        if there < needed {
-            return Ok(Err(there));
-        }
-        let has_lost = |position: &u16| {
-            let address = Access::read_at("the station address", *position, register::STATION_ADDRESS, 2);
-            bus.transactor().perform_one(address).is_ok_and(|read| read.data == [0, 0])
-        };
-        let Record { drives, jogged, lost_supply, .. } = &mut self.record;
-        let positions: BTreeSet<u16> = drives.iter().chain(&*jogged).map(|drive| drive.position).collect();
-        // Whoever is scanned has an address again: it is known until those were looked at.
-        let now: Vec<u16> = positions.into_iter().filter(has_lost).collect();
-        lost_supply.extend(&now);
-        lost_supply.sort_unstable();
-        lost_supply.dedup();
-        if !now.is_empty() {
-            self.kept();
-        }
-        Ok(Ok(now))
-    }
-
-    /// Drives that lost their supply hold what is stored in them: nothing of what they held before a jog.
-    pub(super) fn see_as_stored(&mut self) -> Result<(), SetupError> {
-        let Record { jogged, lost_supply, .. } = &self.record;
-        let is_lost = |one: &&FoundDrive| lost_supply.contains(&one.position);
-        let jogged: Vec<FoundDrive> = jogged.iter().filter(is_lost).cloned().collect();
-        if jogged.is_empty() {
-            self.record.lost_supply.clear();
-            return Ok(());
-        }
-        let mut bus = self.bus()?;
-        let limit = self.wished.torque_per_mille.to_le_bytes();
-        for one in jogged {
-            let now = bus.subdevices().get(usize::from(one.position)).map(seen);
-            if !now.is_some_and(|now| has_its_numbers(&one, &now)) {
-                continue;
-            }
-            let stored = held(&mut bus, &self.plan, &one);
-            // One that stores by itself may hold the jog's limit: what is known of it stays.
-            let is_no_jogs =
-                |(index, _, bytes): &(u16, u8, Vec<u8>)| *index == MAX_TORQUE && bytes[..] != limit;
-            if stored.iter().any(is_no_jogs) {
-                let is_it =
-                    |other: &FoundDrive| other.position == one.position && has_its_numbers(other, &one);
-                let Record { drives, jogged, .. } = &mut self.record;
-                drives.iter_mut().filter(|drive| is_it(drive)).for_each(|drive| drive.was = stored.clone());
-                jogged.retain(|other| !is_it(other));
-            }
-        }
-        self.record.lost_supply.clear();
-        self.is_nothing_left();
-        self.kept();
-        Ok(())
     }
 }

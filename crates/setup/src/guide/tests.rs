@@ -65,18 +65,50 @@ impl Hand for Nobody {
     }
 }
 
-/// Answers so whatever is asked, but that the robot is the same, and holds no key.
+/// Answers so whatever is asked, and holds no key.
 struct Says(&'static str);
 
 impl Hand for Says {
-    fn ask(&mut self, question: &Question) -> Answer {
-        let is_of_robot = question.id == "robot" && !question.choices.iter().any(|choice| choice == self.0);
-        Answer::Said(if is_of_robot { "same" } else { self.0 }.to_owned())
+    fn ask(&mut self, _: &Question) -> Answer {
+        Answer::Said(self.0.to_owned())
     }
 
     fn tell(&mut self, _: &str) {}
 
     fn take_key(&mut self, _: &str) {}
+
+    fn key(&mut self) -> crate::Key {
+        crate::Key::Gone
+    }
+}
+
+/// Answers by what is asked; notes what it was told, asked, and for what a key was taken. It is gone where one is to be held.
+struct Notes<F> {
+    answers: F,
+    asked: Vec<String>,
+    told: Vec<String>,
+    keys: Vec<String>,
+}
+
+impl<F: FnMut(&str) -> Option<&'static str>> Notes<F> {
+    fn new(answers: F) -> Self {
+        Notes { answers, asked: Vec::new(), told: Vec::new(), keys: Vec::new() }
+    }
+}
+
+impl<F: FnMut(&str) -> Option<&'static str>> Hand for Notes<F> {
+    fn ask(&mut self, question: &Question) -> Answer {
+        self.asked.push(question.id.clone());
+        (self.answers)(&question.id).map_or(Answer::Leave, |said| Answer::Said(said.to_owned()))
+    }
+
+    fn tell(&mut self, text: &str) {
+        self.told.push(text.to_owned());
+    }
+
+    fn take_key(&mut self, what: &str) {
+        self.keys.push(what.to_owned());
+    }
 
     fn key(&mut self) -> crate::Key {
         crate::Key::Gone

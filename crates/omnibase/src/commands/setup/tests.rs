@@ -123,10 +123,9 @@ fn a_file_that_somebody_writes_while_the_set_up_runs_is_left_alone() {
 }
 
 #[test]
-fn what_a_jog_left_is_known_with_its_robot_when_a_set_up_is_begun_anew() {
+fn what_a_jog_left_is_known_when_a_set_up_is_begun_anew() {
     let jogged = vec![omnibase_setup::FoundDrive::default()];
-    let before =
-        Record { robot: Some("wheels".to_owned()), jogged, done: vec![Step::Find], ..Record::default() };
+    let before = Record { jogged, done: vec![Step::Find], ..Record::default() };
     let expected = Record { done: Vec::new(), ..before.clone() };
     assert_eq!(anew(before), expected);
 }

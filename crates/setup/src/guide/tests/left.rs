@@ -1,95 +1,243 @@
-//! What jogs left in drives, and what of it is put back.
+//! What jogs write over in drives, and what of it is put back.
+
+use omnibase_ethercat_sim::Fault;
 
 use super::*;
 
-/// The program was killed in a jog and all drives are found again: what a jog left in them isn't taken for what was there before.
-#[test]
-fn what_was_there_before_the_first_jog_is_remembered_where_drives_are_found_again() {
-    let (link, clock) = drives_of(BASE);
-    let mut open =
-        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
-    let max_torque = |record: &Record| {
-        let of =
-            |drive: &FoundDrive| drive.was.iter().find(|(index, ..)| *index == at_start::MAX_TORQUE).cloned();
-        record.drives.iter().map(|drive| of(drive).map(|(.., bytes)| bytes)).collect::<Vec<_>>()
-    };
-    let as_found = vec![Some(3000_u16.to_le_bytes().to_vec()); 3];
-    let mut kept = String::new();
-    with_found(BASE, &mut open, &mut Nobody, |guide| {
-        guide.operational().unwrap();
-        assert_eq!(max_torque(&guide.record), as_found);
-        kept = guide.record.to_json();
-    });
-    with_found(BASE, &mut open, &mut Nobody, |guide| {
-        assert_eq!(max_torque(&guide.record), vec![None; 3], "without the record nobody knows it any more");
-    });
-    with_record(BASE, Record::from_json(&kept).unwrap(), &mut open, &mut Nobody, |guide| {
-        guide.record.done.clear();
-        assert!(guide.find().unwrap());
-        assert_eq!((max_torque(&guide.record), guide.record.jogged.len()), (as_found.clone(), 0));
-        guide.operational().unwrap();
-        // Another drive in the place of one that was jogged isn't touched, and the set-up knows that one is left.
-        let serial = std::mem::replace(&mut guide.record.drives[2].serial, 99);
-        guide.leave_as_found();
-        let words = guide.record.findings.join("\n");
-        assert!(words.contains("SubDevice 2 isn't the drive that was jogged"), "{words}");
-        assert_eq!(guide.record.jogged.len(), 1, "the others have what they held");
-        guide.record.drives[2].serial = serial;
-        guide.leave_as_found();
-        assert_eq!(guide.record.jogged, []);
-        assert!(guide.find().unwrap());
-        assert_eq!(max_torque(&guide.record), as_found, "as the drives have it now");
-    });
-}
+const TORQUE: ObjectAddress = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+const SERVOS: &str = "[[subdevice]]\nkind = \"sgdv\"\ncount = 3\n";
 
-/// Left in order, then one was set by the maker's tool, and the file got a parameter more: both are as somebody had them in the end.
+/// Each drive has what it held right behind each motion, whatever somebody set in it or in the file before that one; while a motion may
+/// write, that is kept.
 #[test]
-fn what_was_set_while_the_set_up_was_left_is_what_is_put_back() {
+fn drives_hold_behind_a_motion_what_they_held_before_it() {
     let (link, clock) = drives_of(BASE);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
-    let mut record = Record::default();
-    with_found(BASE, &mut open, &mut Nobody, |guide| {
-        guide.operational().unwrap();
-        guide.leave_as_found();
-        assert_eq!(guide.record.jogged, []);
-        record = guide.record.clone();
-    });
-    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
-    by_tool(&link, &clock).sdo_write(1, torque, &2000_u16.to_le_bytes()).unwrap();
     let more = "parameters = [{ object = \"6065\", type = \"u32\", value = 77 }, ";
     let base = BASE.replacen("parameters = [", more, 1);
     let window = ObjectAddress::new(0x6065, 0);
     let before = by_tool(&link, &clock).sdo_read(1, window, SdoAccess::Entry).unwrap();
-    with_record(&base, record, &mut open, &mut Nobody, |guide| {
-        guide.compare().unwrap();
-        guide.operational().unwrap();
-        guide.leave_as_found();
-        assert_eq!(guide.record.jogged, []);
-    });
-    assert_eq!(max_torques(&link, &clock), [3000, 2000, 3000]);
-    assert_eq!(by_tool(&link, &clock).sdo_read(1, window, SdoAccess::Entry).unwrap(), before);
-}
-
-/// What an earlier jog left in a drive isn't taken for its own where it is looked at again.
-#[test]
-fn what_a_jog_left_is_not_seen_again() {
-    let drive = |was: &[(u16, u16)]| FoundDrive {
-        was: was.iter().map(|(index, value)| (*index, 0, value.to_le_bytes().to_vec())).collect(),
-        ..FoundDrive::default()
+    let kept = RefCell::new(Vec::new());
+    let mut keep = |record: &Record| {
+        kept.borrow_mut().push(record.jogged.iter().map(|one| one.position).collect::<Vec<_>>());
+        Ok(())
     };
-    let mut now = drive(&[(at_start::MAX_TORQUE, 100), (0x6065, 7), (0x6085, 9)]);
-    let mut was = drive(&[(0x6085, 8)]);
-    before::see_again(&[drive(&[(0x6085, 8)])], &mut was, &mut now);
-    assert_eq!(was, drive(&[(0x6085, 8), (0x6065, 7)]), "0x6072 was none that anybody knows");
-    let mut now = drive(&[(at_start::MAX_TORQUE, 100)]);
-    let mut was = drive(&[(at_start::MAX_TORQUE, 3000)]);
-    let known = [was.clone()];
-    before::see_again(&known, &mut was, &mut now);
-    assert_eq!(was, drive(&[(at_start::MAX_TORQUE, 3000)]));
+    let (mut hand, mut back_up) = (Nobody, |_: u16, _: &[u8]| Ok(()));
+    let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
+    let mut guide = Guide::new(Wished::new(base), Record::default(), &mut open, outside).unwrap();
+    assert!(guide.find().unwrap());
+    for torques in [[3000, 3000, 3000], [3000, 2000, 3000]] {
+        by_tool(&link, &clock).sdo_write(1, TORQUE, &u16::to_le_bytes(torques[1])).unwrap();
+        kept.borrow_mut().clear();
+        guide.operational().unwrap();
+        assert_eq!(max_torques(&link, &clock), [0, 0, 0], "each maps it, and is told none");
+        assert_ne!(by_tool(&link, &clock).sdo_read(1, window, SdoAccess::Entry).unwrap(), before);
+        guide.leave_as_found();
+        assert_eq!(max_torques(&link, &clock), torques);
+        assert!(guide.watch(0, 0.01).unwrap().is_some());
+        assert_eq!(guide.jog(0, jogging::Motion::Stands(1.0), "hold the key").unwrap().enabled_cycles, 0);
+        assert_eq!(max_torques(&link, &clock), torques);
+        assert_eq!(by_tool(&link, &clock).sdo_read(1, window, SdoAccess::Entry).unwrap(), before);
+        let (all, none) = (vec![0, 1, 2], Vec::new());
+        // A jog is kept once more by itself.
+        let expected = [&all, &none, &all, &none, &all, &all, &none].map(Clone::clone);
+        assert_eq!(*kept.borrow(), expected);
+    }
+    assert!(guide.record.findings.is_empty(), "{:?}", guide.record.findings);
 }
 
-/// Nobody knows what a drive's max torque was before it was jogged: what the jog left there isn't stored for ever.
+/// The program was killed in a jog: nothing is written into any drive by whoever takes it up again, for nobody knows who is who; all are
+/// to be switched off and on, and until that was seen, nothing goes on unless somebody says so.
+#[test]
+fn drives_in_which_a_jog_was_cut_off_are_switched_off_and_on() {
+    let everybody = [0, 1, 2];
+    for (says, switched, is_kept) in [
+        (None, &[][..], true),
+        (Some("done"), &[], true),
+        (Some("done"), &[0, 2], true),
+        (Some("done"), &everybody, false),
+        (Some("go on"), &[], false),
+    ] {
+        let (link, clock, injector) = faulty_segment_of(SERVOS);
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            Ok((Box::new(link.clone()), clock.clone()))
+        };
+        let stored = max_torques(&link, &clock);
+        let mut record = Record::default();
+        with_found(BASE, &mut open, &mut Nobody, |guide| {
+            guide.operational().unwrap();
+            guide.record.done = vec![Step::Find];
+            guide.tell_left(&before::Refused::new());
+            record = guide.record.clone();
+        });
+        let left = max_torques(&link, &clock);
+        assert_ne!(left, stored);
+        let record = Record::from_json(&record.to_json()).unwrap();
+        let mut hand = Notes::new(|id| {
+            if id != "jogged" {
+                return None;
+            }
+            for position in switched {
+                injector.inject(*position, Fault::PowerOff);
+                injector.inject(*position, Fault::PowerOn);
+            }
+            says
+        });
+        with_record(BASE, record, &mut open, &mut hand, |guide| {
+            assert_eq!(guide.run().unwrap(), Ended::Left(None));
+            let Record { jogged, findings, .. } = &guide.record;
+            assert_eq!(jogged.len(), if is_kept { 3 } else { 0 }, "{says:?} {switched:?}");
+            let words = findings.join("\n");
+            let are_told = ["SubDevice 2 (vendor ", "was jogged: max torque"].iter().all(|part| words.contains(part));
+            assert_eq!(are_told, is_kept, "{words}");
+            let is_gone_on = words.contains("gone on though SubDevices 0, 1, 2 weren't switched off and on");
+            assert_eq!(is_gone_on, says == Some("go on"), "{words}");
+            assert!(is_kept || findings.len() == usize::from(is_gone_on), "{words}");
+        });
+        for position in 0..3 {
+            let was_switched = switched.contains(&position);
+            let expected = if was_switched { &stored } else { &left };
+            assert_eq!(max_torques(&link, &clock)[usize::from(position)], expected[usize::from(position)]);
+        }
+        // The wheel to be jogged first holds the key; who leaves is asked once.
+        let times = hand.asked.iter().filter(|id| *id == "jogged").count();
+        assert_eq!(times, if says == Some("done") && is_kept { 20 } else { 1 }, "{says:?} {switched:?}");
+    }
+}
+
+/// Switched off and on while the set-up was left, they are as stored without a question, whoever begins anew, too. Who isn't there is
+/// told, and remembered until he is.
+#[test]
+fn drives_that_lost_their_supply_while_the_set_up_was_left_are_as_stored() {
+    let (link, clock, injector) = faulty_segment_of(&format!("{SERVOS}serial = 1\n"));
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let stored = max_torques(&link, &clock);
+    let mut record = Record::default();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        record.jogged = guide.record.jogged.clone();
+    });
+    let switch = |fault: Fault| (0..3).for_each(|position| injector.inject(position, fault.clone()));
+    switch(Fault::PowerOff);
+    (0..2).for_each(|position| injector.inject(position, Fault::PowerOn));
+    let mut hand = Notes::new(|_| None);
+    with_record(BASE, record.clone(), &mut open, &mut hand, |guide| {
+        let ended = guide.run();
+        assert!(matches!(ended, Err(SetupError::TooFewDrives { wheels: 3, drives: 2 })), "{ended:?}");
+        assert_eq!((guide.record.jogged.len(), guide.record.findings.len()), (1, 1));
+        record = guide.record.clone();
+    });
+    injector.inject(2, Fault::PowerOn);
+    assert_eq!(hand.asked, [] as [&str; 0]);
+    with_record(BASE, record, &mut open, &mut hand, |guide| {
+        assert_eq!(guide.run().unwrap(), Ended::Left(None));
+        assert_eq!((guide.record.jogged.len(), guide.record.findings.len()), (0, 0), "{:?}", guide.record);
+    });
+    assert_eq!(max_torques(&link, &clock), stored);
+    assert!(hand.asked.iter().all(|id| id != "jogged"), "{:?}", hand.asked);
+}
+
+/// It may be another robot's file: what the jogged one's drives hold is told, and nothing is written.
+#[test]
+fn a_jog_of_another_robots_set_up_is_told() {
+    let (link, clock) = segment_of(SERVOS);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let mut record = Record { robot: Some("another".to_owned()), done: vec![Step::Find], ..Record::default() };
+    record.jogged = vec![FoundDrive { serial: 12_345, ..FoundDrive::default() }];
+    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
+        assert!(matches!(guide.run(), Err(SetupError::OtherRobot)));
+        assert!(guide.record.findings[0].contains("serial 12345) was jogged"), "{:?}", guide.record.findings);
+        assert_eq!(guide.record.jogged.len(), 1);
+    });
+}
+
+/// Nobody answered when a jog ended. Drives that look alike and held something else may be swapped by then: nothing is put back into these;
+/// where they held the same it is, but for what no jog writes.
+#[test]
+fn who_was_out_of_sight_gets_back_what_he_held_where_it_is_known_whose_that_is() {
+    for (held, set, expected, is_left) in [
+        ([1100_u16, 1100, 1100], None, [1100_u16, 1100, 1100], false),
+        ([1100, 1100, 1100], Some(2500_u16), [1100, 2500, 1100], false),
+        ([1100, 1200, 1200], None, [0, 0, 0], true),
+    ] {
+        let (link, clock) = segment_of(SERVOS);
+        for (position, value) in (0..).zip(held) {
+            by_tool(&link, &clock).sdo_write(position, TORQUE, &value.to_le_bytes()).unwrap();
+        }
+        let is_cut = std::cell::Cell::new(false);
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            if is_cut.get() {
+                return Err("nobody answers".to_owned());
+            }
+            Ok((Box::new(link.clone()), clock.clone()))
+        };
+        with_found(BASE, &mut open, &mut Nobody, |guide| {
+            guide.operational().unwrap();
+            is_cut.set(true);
+            assert_eq!(guide.leave_as_found().len(), 3);
+            is_cut.set(false);
+            if let Some(value) = set {
+                by_tool(&link, &clock).sdo_write(1, TORQUE, &value.to_le_bytes()).unwrap();
+            }
+            // What a second jog finds isn't what they held.
+            if set.is_none() {
+                guide.operational().unwrap();
+            }
+            let refused = guide.leave_as_found();
+            assert_eq!((refused.is_empty(), guide.record.jogged.is_empty()), (!is_left, !is_left), "{refused:?}");
+            let is_noted = guide.record.log.iter().any(|line| line.contains("is 2500, which no jog writes"));
+            assert_eq!(is_noted, set.is_some());
+        });
+        assert_eq!(max_torques(&link, &clock), expected);
+    }
+}
+
+/// One that got an alias meanwhile is the same; another one in its place isn't touched, and told.
+#[test]
+fn another_drive_in_the_place_of_a_jogged_one_is_not_touched() {
+    let (link, clock) = drives_of(BASE);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        let alias = guide.written[1].alias.replace(77);
+        guide.record.drives[2].identification = Some(9);
+        let refused = guide.leave_as_found();
+        assert_eq!(alias, None);
+        assert_eq!(refused.len(), 1, "{refused:?}");
+        assert_eq!((refused[0].0.position, refused[0].1.as_str()), (2, "another one is in its place"));
+        guide.tell_left(&refused);
+        assert!(guide.record.findings[0].contains("(another one is in its place)"), "{:?}", guide.record.findings);
+        assert_eq!(max_torques(&link, &clock), [3000, 3000, 0]);
+        // What somebody had written into it meanwhile is what is put back.
+        let drive = guide.record.drives[2].clone();
+        guide.keep_wished(&drive, TORQUE, &2000_u16.to_le_bytes());
+        guide.record.drives[2].identification = None;
+        assert!(guide.leave_as_found().is_empty());
+        assert_eq!(max_torques(&link, &clock), [3000, 3000, 2000]);
+    });
+}
+
+/// One that is limited as by a jog is told, whoever did that, until it isn't.
+#[test]
+fn who_is_limited_as_by_a_jog_is_told() {
+    let (link, clock) = drives_of(BASE);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    by_tool(&link, &clock).sdo_write(1, TORQUE, &100_u16.to_le_bytes()).unwrap();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        let words = "SubDevice 1: its max torque (6072) is 100 ‰ of the rated, as a jog writes it";
+        assert!(guide.record.findings.len() == 1 && guide.record.findings[0].starts_with(words));
+        by_tool(&link, &clock).sdo_write(1, TORQUE, &200_u16.to_le_bytes()).unwrap();
+        guide.compare().unwrap();
+        assert!(guide.record.findings.is_empty(), "{:?}", guide.record.findings);
+    });
+}
+
+/// What a jog may have left in a drive isn't stored for ever.
 #[test]
 fn what_a_jog_left_in_a_drive_is_not_stored() {
     let (link, clock) = drives_of(BASE);
@@ -107,7 +255,15 @@ fn what_a_jog_left_in_a_drive_is_not_stored() {
         let Record { findings, log, .. } = &guide.record;
         let stored: Vec<&String> = log.iter().filter(|line| line.contains(": stored (0x1010)")).collect();
         assert_eq!(stored, ["wheel_2: stored (0x1010)", "wheel_3: stored (0x1010)"], "{findings:?}");
-        assert!(findings.join("\n").contains("wheel_1: not stored: 6072:00 is "), "{findings:?}");
+        assert!(findings.join("\n").contains("wheel_1: not stored: 6072:00 is 0, as a jog"), "{findings:?}");
+        // Nor where its limit is its own by somebody's word; nor what a jog wrote over and nobody put back.
+        let mut bus = guide.bus().unwrap();
+        let limit = guide.wished.torque_per_mille.to_le_bytes();
+        bus.sdo_write(0, torque, &limit).unwrap();
+        assert!(guide.left_by_jog(&mut bus, 0).unwrap().starts_with("6072:00 is 100, as a jog"));
+        guide.record.jogged = vec![guide.record.drives[1].clone()];
+        assert!(guide.left_by_jog(&mut bus, 1).unwrap().starts_with("it holds what a jog wrote"));
+        assert_eq!(guide.left_by_jog(&mut bus, 2), None);
     });
 }
 
@@ -135,292 +291,4 @@ fn what_the_file_has_drives_store_is_not_asked_for_by_a_jog() {
             of_store.len() == 3 && of_store.iter().all(|line| line.contains("can't be compared and stored"))
         );
     });
-}
-
-/// A drive that took a jogged one's place before all were found again is remembered, too; the one that is gone isn't forgotten.
-#[test]
-fn a_drive_in_the_place_of_a_jogged_one_is_remembered_and_that_one_is_told() {
-    let (link, clock) = drives_of(BASE);
-    let mut open =
-        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
-    let gone = FoundDrive { serial: 12_345, position: 2, ..FoundDrive::default() };
-    let record = Record { jogged: vec![gone.clone()], ..Record::default() };
-    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
-        assert!(guide.find().unwrap());
-        guide.operational().unwrap();
-        assert_eq!(guide.record.jogged.len(), 4);
-        guide.operational().unwrap();
-        assert_eq!(guide.record.jogged.len(), 4, "once each");
-        guide.leave_as_found();
-        let words = guide.record.findings.join("\n");
-        assert!(words.contains("serial 12345 was jogged and isn't among the drives"), "{words}");
-        assert_eq!(guide.record.jogged, [gone], "the others have what they held");
-        // What nobody knows isn't put back, so it stays remembered.
-        guide.operational().unwrap();
-        guide.record.jogged.remove(0);
-        let was = guide.record.drives[0].was.clone();
-        guide.record.drives[0].was.retain(|(index, ..)| *index != at_start::MAX_TORQUE);
-        guide.leave_as_found();
-        assert!(guide.record.findings.join("\n").contains("SubDevice 0: not all that it held before"));
-        assert_eq!(guide.record.jogged.len(), 1);
-        guide.record.drives[0].was = was;
-        guide.leave_as_found();
-        assert_eq!(guide.record.jogged, []);
-        // What somebody had written is what is put back.
-        let drive = guide.record.drives[1].clone();
-        let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
-        guide.keep_wished(&drive, torque, &[0xD0, 0x07]);
-        let of = |drive: &FoundDrive| {
-            drive.was.iter().find(|(index, ..)| *index == at_start::MAX_TORQUE).unwrap().2.clone()
-        };
-        let torques: Vec<Vec<u8>> = guide.record.drives.iter().map(of).collect();
-        assert_eq!(torques, [vec![0xB8, 0x0B], vec![0xD0, 0x07], vec![0xB8, 0x0B]]);
-    });
-}
-
-/// Its alias is written after its first jog: it is the same drive all the same.
-#[test]
-fn what_a_drive_was_before_is_remembered_where_it_got_an_alias_since() {
-    let drive = |alias, torque: u16| FoundDrive {
-        alias,
-        was: vec![(at_start::MAX_TORQUE, 0, torque.to_le_bytes().to_vec())],
-        ..FoundDrive::default()
-    };
-    let mut named = drive(Some(77), 100);
-    assert!(before::recall(&[drive(None, 3000)], &mut named).is_empty());
-    assert_eq!(named, drive(Some(77), 3000));
-    // Where one of them has it, the others aren't meant.
-    let mut named = drive(Some(77), 100);
-    assert!(before::recall(&[drive(None, 2500), drive(Some(77), 3000)], &mut named).is_empty());
-    assert_eq!(named, drive(Some(77), 3000));
-}
-
-/// Of drives that look alike and were different before nobody knows whose is whose: it is told, and nothing is written.
-#[test]
-fn what_drives_that_look_alike_were_before_is_not_guessed() {
-    let drive = |torques: [u8; 2]| FoundDrive {
-        was: vec![(at_start::MAX_TORQUE, 0, torques.to_vec()), (0x6060, 0, vec![3])],
-        ..FoundDrive::default()
-    };
-    let jogged = [drive([0xB8, 0x0B]), drive([0xC4, 0x09])];
-    let mut of_jog = FoundDrive {
-        was: vec![(at_start::MAX_TORQUE, 0, vec![100, 0]), (0x6060, 0, vec![9])],
-        ..FoundDrive::default()
-    };
-    let words = before::recall(&jogged, &mut of_jog);
-    assert_eq!(words.len(), 1);
-    assert!(words[0].contains("was 3000 or 2500 before it was jogged"), "{words:?}");
-    assert_eq!(of_jog.was, [(0x6060, 0, vec![3])]);
-    let mut as_found = drive([0xC4, 0x09]);
-    assert!(before::recall(&jogged, &mut as_found).is_empty());
-    assert_eq!(as_found, drive([0xC4, 0x09]));
-}
-
-/// Drives that look alike and held different torques; the program was killed in a jog, and whoever takes it up again doesn't know
-/// whether they were swapped: nothing is written into the wrong one until somebody says that they weren't.
-#[test]
-fn what_was_in_drives_that_look_alike_is_put_back_once_their_places_are_known() {
-    let (link, clock) = segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
-    let mut open =
-        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
-    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
-    let as_found = [1100_u16, 1200, 1300];
-    let mut bus = by_tool(&link, &clock);
-    for (position, value) in (0..).zip(as_found) {
-        bus.sdo_write(position, torque, &value.to_le_bytes()).unwrap();
-    }
-    drop(bus);
-    let mut kept = String::new();
-    with_found(BASE, &mut open, &mut Nobody, |guide| {
-        guide.operational().unwrap();
-        guide.record.done = vec![Step::Find];
-        kept = guide.record.to_json();
-    });
-    let left = max_torques(&link, &clock);
-    assert!(left.iter().zip(as_found).all(|(left, was)| *left != was), "{left:?}");
-    // Asked where they are, he leaves.
-    with_record(
-        BASE,
-        Record::from_json(&kept).unwrap(),
-        &mut open,
-        &mut Says("nothing that is asked"),
-        |guide| {
-            assert_eq!(guide.run().unwrap(), Ended::Left(None));
-            let words = guide.record.findings.join("\n");
-            assert!(words.contains("SubDevice 0: nobody said that it is where it was"), "{words}");
-            assert_eq!(guide.record.jogged.len(), 3);
-        },
-    );
-    assert_eq!(max_torques(&link, &clock), left);
-    with_record(BASE, Record::from_json(&kept).unwrap(), &mut open, &mut Says("as before"), |guide| {
-        guide.compare().unwrap();
-        assert!(guide.are_in_their_places().unwrap());
-        guide.leave_as_found();
-        assert_eq!(guide.record.jogged, []);
-    });
-    assert_eq!(max_torques(&link, &clock), as_found);
-}
-
-/// Of drives that look alike one is gone when the set-up is begun anew: the others get back what they held, and that one isn't forgotten.
-#[test]
-fn one_that_is_gone_of_those_that_look_alike_stays_remembered() {
-    use omnibase_ethercat_sim::Fault;
-    let (link, clock, injector) = faulty_segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
-    let mut open =
-        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
-    let as_found = max_torques(&link, &clock);
-    let mut jogged = Vec::new();
-    with_found(BASE, &mut open, &mut Nobody, |guide| {
-        guide.operational().unwrap();
-        jogged = guide.record.jogged.clone();
-    });
-    injector.inject(2, Fault::PowerOff);
-    let record = Record { jogged, ..Record::default() };
-    with_record(BASE, record, &mut open, &mut Says("same"), |guide| {
-        assert!(matches!(guide.run(), Err(SetupError::TooFewDrives { wheels: 3, drives: 2 })));
-        let words: Vec<&String> =
-            guide.record.findings.iter().filter(|words| words.contains("isn't among the drives")).collect();
-        assert_eq!(words.len(), 1, "{:?}", guide.record.findings);
-        assert_eq!(guide.record.jogged.len(), 3);
-    });
-    let mut bus = by_tool(&link, &clock);
-    for (position, was) in (0..2).zip(as_found) {
-        let now = bus.sdo_read(position, ObjectAddress::new(at_start::MAX_TORQUE, 0), SdoAccess::Entry);
-        assert_eq!(now.unwrap(), was.to_le_bytes());
-    }
-}
-
-/// A drive that was jogged is replaced for good: what it held is remembered until somebody has it forgotten, and never told again then.
-/// Those that are there have back what they held before anybody is asked.
-#[test]
-fn a_drive_that_is_gone_is_told_until_somebody_has_it_forgotten() {
-    let (link, clock) = drives_of(BASE);
-    let mut open =
-        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
-    let gone = FoundDrive { serial: 12_345, position: 2, ..FoundDrive::default() };
-    let mut record = Record { jogged: vec![gone.clone()], ..Record::default() };
-    with_record(BASE, record.clone(), &mut open, &mut Nobody, |guide| {
-        assert!(guide.find().unwrap());
-        // Killed in a jog.
-        guide.operational().unwrap();
-        record.jogged = guide.record.jogged.clone();
-    });
-    assert_ne!(max_torques(&link, &clock), [3000; 3]);
-    let is_told = |texts: &[String]| texts.iter().any(|words| words.contains("serial 12345 was jogged"));
-    for (hand, is_kept) in
-        [(&mut Nobody as &mut dyn Hand, true), (&mut Says("remember"), true), (&mut Says("forget"), false)]
-    {
-        record.log.clear();
-        with_record(BASE, record.clone(), &mut open, hand, |guide| {
-            assert_eq!(guide.run().unwrap(), Ended::Left(None));
-            let Record { jogged, log, findings, .. } = &guide.record;
-            assert_eq!(*jogged, if is_kept { vec![gone.clone()] } else { Vec::new() });
-            let by_wish: Vec<&String> =
-                log.iter().filter(|line| line.starts_with("forgotten, as was said: ")).collect();
-            assert_eq!(by_wish.len(), usize::from(!is_kept), "{log:?}");
-            assert!(is_told(log) && findings.len() == usize::from(is_kept), "{findings:?}");
-            record = guide.record.clone();
-        });
-        assert_eq!(max_torques(&link, &clock), [3000; 3]);
-    }
-    record.log.clear();
-    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
-        assert_eq!(guide.run().unwrap(), Ended::Left(None));
-        assert!(!is_told(&guide.record.log), "{:?}", guide.record.log);
-    });
-}
-
-/// Nobody knows what each of drives that look alike held, and the maker's tool set them: once that is said, what they hold is their own.
-#[test]
-fn what_the_makers_tool_set_is_a_drives_own_once_somebody_says_so() {
-    let (link, clock) = segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
-    let mut open =
-        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
-    let mut jogged = Vec::new();
-    with_found(BASE, &mut open, &mut Nobody, |guide| {
-        guide.operational().unwrap();
-        jogged = guide.record.jogged.clone();
-    });
-    for (drive, torque) in jogged.iter_mut().zip([1100_u16, 1200, 1300]) {
-        drive.was.iter_mut().find(|was| was.0 == at_start::MAX_TORQUE).unwrap().2 =
-            torque.to_le_bytes().to_vec();
-    }
-    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
-    let mut bus = by_tool(&link, &clock);
-    for (position, value) in (0..).zip([1900_u16, 2000, 2100]) {
-        bus.sdo_write(position, torque, &value.to_le_bytes()).unwrap();
-    }
-    drop(bus);
-    let record = Record { jogged, ..Record::default() };
-    with_record(BASE, record, &mut open, &mut Says("forget"), |guide| {
-        assert_eq!(guide.run().unwrap(), Ended::Left(None));
-        assert_eq!(guide.record.jogged, []);
-    });
-    assert_eq!(max_torques(&link, &clock), [1900, 2000, 2100]);
-}
-
-/// Cheap drives have one serial number, all of them: each keeps what it held, and gets that of none of the others.
-#[test]
-fn drives_with_one_serial_number_keep_what_each_held() {
-    for aliases in [[0, 0, 0], [1, 2, 3]] {
-        let table = |alias: u16| match alias {
-            0 => "[[subdevice]]\nkind = \"servo\"\nserial = 7\n".to_owned(),
-            alias => format!("[[subdevice]]\nkind = \"servo\"\nserial = 7\nalias = {alias}\n"),
-        };
-        let (link, clock) = segment_of(&aliases.map(table).concat());
-        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
-            Ok((Box::new(link.clone()), clock.clone()))
-        };
-        let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
-        let as_found = [3000_u16, 2500, 2500];
-        for (position, value) in (0..).zip(as_found) {
-            by_tool(&link, &clock).sdo_write(position, torque, &value.to_le_bytes()).unwrap();
-        }
-        let mut record = Record::default();
-        with_found(BASE, &mut open, &mut Nobody, |guide| {
-            guide.operational().unwrap();
-            guide.record.done = vec![Step::Find];
-            record = guide.record.clone();
-        });
-        let left = max_torques(&link, &clock);
-        assert!(left.iter().zip(as_found).all(|(left, was)| *left != was), "{left:?}");
-        assert_eq!(record.jogged.len(), 3);
-        assert!(record.jogged.iter().all(|one| one.has_twins));
-        // Begun anew, and left at the first question after that for the robot.
-        let anew = Record { jogged: record.jogged.clone(), robot: record.robot.clone(), ..Record::default() };
-        with_record(BASE, anew, &mut open, &mut Says("same"), |guide| {
-            assert!(matches!(guide.run(), Ok(Ended::Left(_))));
-            assert_eq!(guide.record.jogged.is_empty(), aliases[0] != 0, "{:?}", guide.record.findings);
-        });
-        let expected = if aliases[0] == 0 { left } else { as_found.to_vec() };
-        assert_eq!(max_torques(&link, &clock), expected, "{aliases:?}");
-        // It is asked whether this is that robot.
-        let anew = Record { jogged: record.jogged.clone(), ..Record::default() };
-        with_record(BASE, anew, &mut open, &mut Says("another"), |guide| {
-            assert!(matches!(guide.run(), Err(SetupError::OtherJogged)));
-        });
-        // Taken up where it was left, each in its place.
-        with_record(BASE, record.clone(), &mut open, &mut Says("as before"), |guide| {
-            guide.compare().unwrap();
-            assert!(guide.are_in_their_places().unwrap());
-            guide.leave_as_found();
-            assert_eq!(guide.record.jogged, []);
-        });
-        assert_eq!(max_torques(&link, &clock), as_found, "{aliases:?}");
-    }
-    // One alone has its number for itself, until another came that has it, too.
-    let drive = |position, value: u8| FoundDrive {
-        position,
-        serial: 7,
-        was: vec![(1, 0, vec![value])],
-        ..FoundDrive::default()
-    };
-    let mut record = Record { drives: vec![drive(0, 1)], ..Record::default() };
-    assert!(before::remember(&mut record) && !record.jogged[0].has_twins);
-    record.drives = vec![drive(0, 1), drive(1, 2)];
-    assert!(before::remember(&mut record) && record.jogged.len() == 2 && record.jogged[1].has_twins);
-    // The one that is left isn't taken for both.
-    record.drives = vec![drive(0, 3)];
-    assert!(before::remember(&mut record));
-    assert_eq!(record.jogged.len(), 3);
 }

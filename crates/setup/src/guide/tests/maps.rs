@@ -118,17 +118,20 @@ fn what_else_a_drive_maps_is_as_it_was_behind_a_jog_and_commands_are_nothing() {
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     // Its own map will do, so it stays.
     with_found(&base("sync0", true), &mut open, &mut Holds(0), |guide| {
-        assert_eq!(guide.jog(1, jogging::Motion::Turns, "hold the key").unwrap().end, JogEnd::LetGo);
+        assert_eq!(guide.jog_limited(1, jogging::Motion::Turns, "hold the key").unwrap().end, JogEnd::LetGo);
+        let mut bus = by_tool(&link, &clock);
+        for position in 0..3 {
+            for (index, _, value) in KEPT {
+                assert_eq!(held(&mut bus, position, index), value, "{index:04x} of {position}");
+            }
+            for (index, ..) in COMMANDS {
+                assert_eq!(held(&mut bus, position, index), 0, "{index:04x} of {position}");
+            }
+        }
+        drop(bus);
+        guide.leave_as_found();
+        assert_eq!(held(&mut by_tool(&link, &clock), 1, 0x60B1), 9_999, "what is added is its own again");
     });
-    let mut bus = by_tool(&link, &clock);
-    for position in 0..3 {
-        for (index, _, value) in KEPT {
-            assert_eq!(held(&mut bus, position, index), value, "{index:04x} of {position}");
-        }
-        for (index, ..) in COMMANDS {
-            assert_eq!(held(&mut bus, position, index), 0, "{index:04x} of {position}");
-        }
-    }
 }
 
 /// It would turn faster than was told, or the other way, as if its encoder counted against its motor.

@@ -24,40 +24,6 @@ fn a_step_that_failed_is_found_until_it_is_done() {
     assert_eq!(record.findings, ["wheels were measured"]);
 }
 
-/// What jogs left is found while it is left; and whatever somebody set since is told where it is written over.
-#[test]
-fn what_jogs_left_is_found_until_it_is_put_back() {
-    let (link, clock) = drives_of(BASE);
-    let mut record = Record::default();
-    let mut open =
-        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
-    with_found(BASE, &mut open, &mut Nobody, |guide| {
-        guide.operational().unwrap();
-        record = guide.record.clone();
-    });
-    let torque = ObjectAddress::new(at_start::MAX_TORQUE, 0);
-    let mut dark = || -> Result<(Box<dyn Link>, VirtualClock), String> { Err("no interface".to_owned()) };
-    with_record(BASE, record.clone(), &mut dark, &mut Nobody, |guide| {
-        guide.leave_as_found();
-        assert!(guide.record.findings[0].ends_with("as the last jog left them: no interface"));
-        record = guide.record.clone();
-    });
-    by_tool(&link, &clock).sdo_write(1, torque, &2000_u16.to_le_bytes()).unwrap();
-    with_record(BASE, record, &mut open, &mut Nobody, |guide| {
-        guide.leave_as_found();
-        let findings = &guide.record.findings;
-        assert!(
-            findings.len() == 1
-                && findings[0].starts_with(
-                    "SubDevice 1: 6072:00 was 2000, which no jog by this file writes, and is 3000 again"
-                ),
-            "{findings:?}"
-        );
-        assert_eq!(guide.record.jogged, []);
-    });
-    assert_eq!(max_torques(&link, &clock), [3000; 3]);
-}
-
 /// What a drive adds to its speed is told with its sign, by the last look.
 #[test]
 fn what_is_added_to_a_speed_is_told_until_it_is_nothing() {
