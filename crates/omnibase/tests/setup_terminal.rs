@@ -3,7 +3,6 @@
 //! `script` (util-linux) holds the terminal. Nothing here depends on how fast the machine is: what must not happen is looked for in
 //! the program's own record, and what must happen is waited for.
 
-use omnibase_setup::{FoundDrive, Record};
 use std::io::{Read, Write};
 use std::path::Path;
 use std::process::{Child, ChildStdin, Command, Stdio};
@@ -201,35 +200,6 @@ fn a_signal_ends_a_motion_as_leaving_does() {
         }
     }
     panic!("{:?}", jogs(&output));
-}
-
-/// A drive that was jogged is gone for good: that is asked until somebody has it forgotten by a word.
-#[test]
-fn a_drive_that_is_gone_is_forgotten_by_a_word() {
-    let folder = tempfile::tempdir().unwrap();
-    let output = folder.path().join("mine.toml");
-    let gone = FoundDrive { serial: 12_345, ..FoundDrive::default() };
-    let record = Record { jogged: vec![gone], ..Record::default() };
-    std::fs::write(output.with_extension("state.json"), record.to_json()).unwrap();
-    for (word, is_kept) in [("leave", true), ("remember", true), ("forget", false)] {
-        let mut terminal = Terminal::new(&output);
-        terminal.wait(&["serial 12345: `remember`"], |_| {});
-        terminal.wait(&["(remember, forget)"], |_| {});
-        terminal.press(&format!("{word}\n"));
-        terminal.wait(&["hold the key: SubDevice 0 turns", "the same command takes it up again"], |_| {});
-        terminal.script.kill().unwrap();
-        terminal.script.wait().unwrap();
-        let begun = Instant::now();
-        while running(&output).is_some() {
-            assert!(begun.elapsed() < STUCK, "the terminal is gone, and it goes on");
-            std::thread::sleep(REPEAT);
-        }
-        let state = std::fs::read_to_string(output.with_extension("state.json")).unwrap();
-        let record = Record::from_json(&state).unwrap();
-        let is_there = record.jogged.iter().any(|one| one.serial == 12_345);
-        let is_told = record.log.iter().any(|line| line.starts_with("forgotten, as was said: "));
-        assert_eq!((is_there, is_told), (is_kept, !is_kept), "{word}: {state}");
-    }
 }
 
 /// A program that says nothing leaves, and is told in its last line how it ended.

@@ -151,8 +151,8 @@ pub struct Guide<'a, C: Clock> {
     pub(crate) back_up: BackUp<'a>,
     /// Drives with what they held before the jogs of this program, until it is put back.
     pub(crate) written: Vec<FoundDrive>,
-    /// Each of these was in sight since, so that nobody else is in its place and nobody set anything in it.
-    pub(crate) are_placed: bool,
+    /// Each of these was in sight since, so that nobody else is in its place and nobody set anything in it: of so many SubDevices.
+    pub(crate) in_sight: Option<usize>,
 }
 
 /// Who stands outside of a set-up.
@@ -244,7 +244,7 @@ impl<'a, C: Clock> Guide<'a, C> {
         Outside { hand, keep, back_up }: Outside<'a>,
     ) -> Result<Self, SetupError> {
         let plan = robot_file::plan(&wished.base, &Registry::with_built_in())?;
-        Ok(Guide { wished, plan, open, hand, record, keep, back_up, written: Vec::new(), are_placed: false })
+        Ok(Guide { wished, plan, open, hand, record, keep, back_up, written: Vec::new(), in_sight: None })
     }
 
     /// Keeps what was found so far; whoever can't is told at once, for nobody wants to find it all again.

@@ -17,6 +17,10 @@ use crate::hand::Hand;
 
 /// Cycles that a drive may take to be disabled again.
 const END_CYCLES: u32 = 1000;
+/// Cycles that a wheel may roll on when nobody drives it: who looks at it sees that, too.
+const ROLLING_CYCLES: u32 = 10_000;
+/// What of its speed in a jog a wheel that stands has at most.
+const STANDING: f64 = 0.02;
 /// Cycles in which somebody may begin to hold the key: a minute at 1 ms.
 const WAITING_CYCLES: u32 = 60_000;
 /// Cycles over which speed is looked at: single ones show a count more or less.
@@ -232,7 +236,7 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         };
         jog.end = end;
         hand.moves(false, jog.travel_counts as f64);
-        self.end(&mut enabling, cycles, last, &mut jog)?;
+        self.end(plan, &mut enabling, cycles, last, &mut jog)?;
         Ok(jog)
     }
 
@@ -307,24 +311,32 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         output.progress
     }
 
-    /// Until the drive is disabled; how far it went on, and whether a frame enabled it all the same, counts for the jog.
+    /// Until the drive is disabled and its wheel stands; how far it went on, and whether a frame enabled it all the same, counts for the
+    /// jog.
     fn end(
         &mut self,
+        plan: &JogPlan,
         enabling: &mut Enabling,
         cycles: u32,
         mut last: i32,
         jog: &mut Jog,
     ) -> Result<(), LinkError> {
-        for cycle in 1..=END_CYCLES {
+        let mut steps = [0; WINDOW_CYCLES];
+        for cycle in 1..=ROLLING_CYCLES {
             let inputs = self.inputs();
-            jog.travel_counts += i64::from(inputs.position.wrapping_sub(last));
+            let step = i64::from(inputs.position.wrapping_sub(last));
+            jog.travel_counts += step;
             last = inputs.position;
+            steps[cycle as usize % WINDOW_CYCLES] = step;
             let nothing = Told { wanted: Wanted::SwitchOnDisabled, speed_units: 0, torque_per_mille: 0 };
             let progress = self.advance(enabling, u64::from(cycles + cycle), nothing, inputs);
             jog.unheld_cycles += u32::from(self.is_enabled_by());
             self.paced.exchange(self.image)?;
-            if cycle > WINDOW_CYCLES as u32 && matches!(progress, Progress::Holding(_) | Progress::Stopped(_))
-            {
+            let is_disabled = matches!(progress, Progress::Holding(_) | Progress::Stopped(_));
+            let rolls = steps.iter().sum::<i64>().abs() as f64;
+            let stands = rolls <= (STANDING * WINDOW_CYCLES as f64 * plan.counts_per_cycle.abs()).max(1.0);
+            let is_over = if is_disabled { stands } else { cycle >= END_CYCLES };
+            if cycle > WINDOW_CYCLES as u32 && is_over {
                 break;
             }
         }

@@ -22,7 +22,7 @@ impl<C: Clock> Guide<'_, C> {
     /// Reads what the next jog writes over; what an earlier one wrote there isn't put back yet where that failed.
     pub(super) fn remember(&mut self, bus: &mut AnyBus<C>) -> Result<(), SetupError> {
         self.put_back(bus);
-        self.are_placed = self.written.is_empty();
+        self.in_sight = Some(bus.subdevices().len()).filter(|_| self.written.is_empty());
         for drive in &mut self.record.drives {
             if self.written.iter().any(|one| is_same(one, drive)) {
                 continue;
@@ -40,16 +40,22 @@ impl<C: Clock> Guide<'_, C> {
     /// What jogs of this program wrote over is as it was; of whom it isn't, that stays remembered.
     pub(super) fn put_back(&mut self, bus: &mut AnyBus<C>) -> Refused {
         let mut refused = Refused::new();
+        // Behind one that is dark others may stand at its place.
+        self.in_sight = self.in_sight.filter(|count| *count == bus.subdevices().len());
         for drive in self.written.clone() {
             let now = bus.subdevices().get(usize::from(drive.position)).map(seen);
             // It may have got an alias since.
             let known = self.record.drives.iter().find(|one| is_same(one, &drive)).unwrap_or(&drive);
-            let words = if !now.is_some_and(|now| is_it(known, &now)) {
-                vec!["another one is in its place".to_owned()]
-            } else if self.is_doubtful(&drive) {
-                vec!["one that looks like it held something else, and may be in its place by now".to_owned()]
-            } else {
-                self.write_back(bus, &drive)
+            let words = match now {
+                None => vec!["nobody is in its place".to_owned()],
+                Some(now) if !is_it(known, &now) => vec!["another one is in its place".to_owned()],
+                Some(_) if self.is_doubtful(&drive) => {
+                    vec![
+                        "one that looks like it held something else, and may be in its place by now"
+                            .to_owned(),
+                    ]
+                }
+                Some(_) => self.write_back(bus, &drive),
             };
             if words.is_empty() {
                 self.written.retain(|one| !is_same(one, &drive));
@@ -59,7 +65,7 @@ impl<C: Clock> Guide<'_, C> {
             }
         }
         if !refused.is_empty() {
-            self.are_placed = false;
+            self.in_sight = None;
         }
         refused
     }
@@ -67,7 +73,7 @@ impl<C: Clock> Guide<'_, C> {
     /// Whether this may be another drive by now, which held something else.
     fn is_doubtful(&self, drive: &FoundDrive) -> bool {
         let is_other = |one: &FoundDrive| one.position != drive.position && is_it(drive, one);
-        !self.are_placed && self.record.drives.iter().any(|one| is_other(one) && one.was != drive.was)
+        self.in_sight.is_none() && self.record.drives.iter().any(|one| is_other(one) && one.was != drive.was)
     }
 
     /// What one drive held; in words what it refuses. Since it was out of sight it may have lost its supply, or been set by somebody:
@@ -82,7 +88,9 @@ impl<C: Clock> Guide<'_, C> {
                 continue;
             }
             let before = number(was);
-            if let Some(now) = now.filter(|now| !self.are_placed && !self.is_of_jog(drive, object, now)) {
+            if let Some(now) =
+                now.filter(|now| self.in_sight.is_none() && !self.is_of_jog(drive, object, now))
+            {
                 let now = number(&now);
                 self.record.note(format!(
                     "SubDevice {position}: {object} was {before} before it was jogged, and is {now}, which no jog writes: that stays"
@@ -117,7 +125,7 @@ impl<C: Clock> Guide<'_, C> {
         let refused = match self.bus() {
             Ok(mut bus) => self.put_back(&mut bus),
             Err(error) => {
-                self.are_placed = false;
+                self.in_sight = None;
                 self.written.iter().map(|one| (one.clone(), error.to_string())).collect()
             }
         };
@@ -127,6 +135,9 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Says who isn't as he was before he was jogged, and why where that is known.
     pub(super) fn tell_left(&mut self, refused: &Refused) {
+        if self.record.jogged.is_empty() && !self.record.has_found(LEFT) {
+            return;
+        }
         let text = |one: &FoundDrive| {
             let why = refused.iter().find(|(drive, _)| is_same(drive, one));
             let why = why.map_or(String::new(), |(_, why)| format!(" ({why})"));
@@ -235,7 +246,10 @@ impl<C: Clock> Guide<'_, C> {
         let object = ObjectAddress::new(MAX_TORQUE, 0);
         let now = bus.sdo_read(position, object, SdoAccess::Entry).ok()?;
         (self.is_limit(&now) || now == [0, 0]).then(|| {
-            format!("{object} is {}, as a jog may leave it: set it by the maker's tool, then store", number(&now))
+            format!(
+                "{object} is {}, as a jog may leave it: set it by the maker's tool, then store",
+                number(&now)
+            )
         })
     }
 

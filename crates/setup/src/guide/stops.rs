@@ -135,7 +135,7 @@ impl<C: Clock> Guide<'_, C> {
             } else {
                 match self.bus() {
                     Ok(mut bus) => {
-                        self.are_placed = false;
+                        self.in_sight = None;
                         self.put_back(&mut bus);
                         return Ok(Some(lost.into_iter().collect()));
                     }

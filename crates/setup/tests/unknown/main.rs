@@ -161,7 +161,7 @@ fn a_drive_that_fails_by_itself_is_no_tested_emergency_stop() {
 #[test]
 fn an_emergency_stop_that_takes_the_supply_is_a_tested_one() {
     let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
-    let takes = Circumstances { stop_takes_supply: true, has_memory: true, ..Circumstances::default() };
+    let takes = Circumstances { stop_takes_supply: true, ..Circumstances::default() };
     let found = set_up_where(takes, &robot, &mut |_| None);
     let tested =
         |line: &&String| line.contains("the emergency stop took its torque: its drive lost its supply");
@@ -269,7 +269,7 @@ fn whoever_lets_go_on_the_floor_takes_the_torque_in_the_next_frame() {
 fn a_drive_that_failed_is_enabled_again_by_who_holds_the_key() {
     let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
     for (part, asked) in [("SubDevice 1 turns", "again 1"), ("a metre AHEAD", "drive ahead")] {
-        let fails = Circumstances { fails_while: Some(part), has_memory: true, ..Circumstances::default() };
+        let fails = Circumstances { fails_while: Some(part), ..Circumstances::default() };
         let found =
             set_up_where(fails, &robot, &mut |question| (question.id == "floor").then(|| said("drive")));
         let is_told = |text: &&String| text.ends_with("acknowledges that");
@@ -339,7 +339,7 @@ fn counts_that_contradict_the_turns_that_were_seen_are_asked_again() {
 #[test]
 fn what_jogs_write_over_is_put_back() {
     let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
-    let remembers = Circumstances { has_memory: true, ..Circumstances::default() };
+    let remembers = Circumstances::default();
     for on_floor in [false, true] {
         let found = set_up_where(remembers, &robot, &mut |question| {
             (on_floor && question.id == "floor").then(|| said("drive"))
@@ -354,8 +354,7 @@ fn what_jogs_write_over_is_put_back() {
 #[test]
 fn a_drive_that_loses_its_power_while_it_is_jogged_is_jogged_again() {
     let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
-    let dark =
-        Circumstances { dark_while: Some("SubDevice 1 turns"), has_memory: true, ..Circumstances::default() };
+    let dark = Circumstances { dark_while: Some("SubDevice 1 turns"), ..Circumstances::default() };
     let found = set_up_where(dark, &robot, &mut |_| None);
     assert_eq!(differences(&robot, &found.text), Vec::<String>::new());
     let findings = found.record.findings.join("\n");
@@ -404,6 +403,9 @@ fn a_set_up_of_another_robot_is_refused() {
         guide.run().unwrap_err().to_string().contains("begun with the file of a robot with other wheels")
     );
     let findings = guide.record.findings.join("\n");
-    assert!(findings.contains("are as the last jog left them: this set-up was begun with"), "{findings}");
+    assert!(
+        findings.contains("was jogged: max torque, mode and synchronisation are as the jog"),
+        "{findings}"
+    );
     assert_eq!(guide.record.jogged.len(), 1);
 }

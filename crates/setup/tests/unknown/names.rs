@@ -10,7 +10,7 @@ fn a_switch_finds_a_drive_that_has_its_number_alone() {
     let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
     let by_switch = |numbers: [u16; 3]| {
         let places = Some(numbers.map(BusPlace::Identification));
-        let named = Circumstances { places, has_memory: true, ..Circumstances::default() };
+        let named = Circumstances { places, ..Circumstances::default() };
         set_up_where(named, &robot, &mut |question| question.id.starts_with("name ").then(|| said("switch")))
     };
     let found = by_switch([7, 8, 9]);
@@ -33,7 +33,7 @@ fn a_switch_finds_a_drive_that_has_its_number_alone() {
 fn an_alias_that_two_drives_have_is_written_anew() {
     let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
     let places = Some([5, 6, 5].map(BusPlace::Alias));
-    let named = Circumstances { places, has_memory: true, ..Circumstances::default() };
+    let named = Circumstances { places, ..Circumstances::default() };
     let found =
         set_up_where(named, &robot, &mut |question| question.id.starts_with("name ").then(|| said("alias")));
     let asked: Vec<&str> =
@@ -57,7 +57,7 @@ fn an_alias_that_two_drives_have_is_written_anew() {
 fn an_alias_that_two_drives_have_is_in_no_file() {
     let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
     let places = Some([5, 6, 5].map(BusPlace::Alias));
-    let named = Circumstances { places, has_memory: true, ..Circumstances::default() };
+    let named = Circumstances { places, ..Circumstances::default() };
     let found = set_up_where(named, &robot, &mut |_| None);
     assert!(found.text.contains("alias = 6 ") && !found.text.contains("alias = 5"), "{}", found.text);
     assert_eq!(found.text.matches("\nposition = ").count(), 2, "{}", found.text);
@@ -68,7 +68,7 @@ fn an_alias_that_two_drives_have_is_in_no_file() {
 fn who_chooses_otherwise_when_asked_again_is_believed() {
     let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
     let places = Some([7, 8, 9].map(BusPlace::Identification));
-    let named = Circumstances { places, has_memory: true, ..Circumstances::default() };
+    let named = Circumstances { places, ..Circumstances::default() };
     let mut is_left = false;
     let found = set_up_where(named, &robot, &mut |question| match question.id.as_str() {
         "name 0" => Some(said(if is_left { "position" } else { "switch" })),
@@ -83,7 +83,7 @@ fn who_chooses_otherwise_when_asked_again_is_believed() {
 fn an_alias_that_another_has_is_refused_a_few_times_and_then_left() {
     let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
     let places = Some([5, 6, 5].map(BusPlace::Alias));
-    let named = Circumstances { places, has_memory: true, ..Circumstances::default() };
+    let named = Circumstances { places, ..Circumstances::default() };
     let mut asked = 0;
     let mut says_six = |question: &Question| match question.id.as_str() {
         "alias 0" => {
@@ -108,7 +108,7 @@ fn an_alias_is_believed_once_the_drive_shows_it() {
         "alias 1" => Some(said("77")),
         _ => None,
     };
-    let remembers = Circumstances { has_memory: true, ..Circumstances::default() };
+    let remembers = Circumstances::default();
     let mut backups = Vec::new();
     let mut back_up = |position: u16, bytes: &[u8]| {
         assert!(bytes.len() >= 128, "the whole of it");
@@ -137,7 +137,7 @@ fn an_alias_is_believed_once_the_drive_shows_it() {
 #[test]
 fn an_alias_that_waits_for_its_power_on_is_kept() {
     let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
-    let remembers = Circumstances { has_memory: true, ..Circumstances::default() };
+    let remembers = Circumstances::default();
     let (mut backups, mut leaves) = (0, once("name 1", Answer::Leave));
     let mut back_up = |_: u16, _: &[u8]| {
         backups += 1;
@@ -162,7 +162,7 @@ fn an_alias_that_waits_for_its_power_on_is_kept() {
 #[test]
 fn an_alias_of_another_eeprom_is_taken() {
     let robot = Unknown { positions: [0, 1, 2], turned_encoder: None, ..Unknown::of(2) };
-    let remembers = Circumstances { has_memory: true, ..Circumstances::default() };
+    let remembers = Circumstances::default();
     let (mut is_left, mut tried, mut proposed) = (false, false, Vec::new());
     let found = set_up_where(remembers, &robot, &mut |question| match question.id.as_str() {
         // The first drive's EEPROM gets alias 2, and nobody is switched off before the set-up is taken up again.
@@ -189,8 +189,7 @@ fn an_alias_of_another_eeprom_is_taken() {
 fn an_alias_that_shows_later_is_believed_when_the_set_up_is_taken_up_again() {
     let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
     for is_switched_between in [false, true] {
-        let circumstances =
-            Circumstances { has_memory: true, is_switched_between, ..Circumstances::default() };
+        let circumstances = Circumstances { is_switched_between, ..Circumstances::default() };
         let mut leaves = once("parameters 0", Answer::Leave);
         let found = set_up_where(circumstances, &robot, &mut |question| match question.id.as_str() {
             "name 0" => Some(said("alias")),

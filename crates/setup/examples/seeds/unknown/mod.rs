@@ -111,7 +111,7 @@ pub struct Found {
     /// What was told.
     #[allow(dead_code, reason = "the example prints figures alone")]
     pub told: Vec<String>,
-    /// 0x6072 of each drive in the end, where drives remember.
+    /// 0x6072 of each drive in the end.
     #[allow(dead_code, reason = "the example prints figures alone")]
     pub max_torques: Vec<Vec<u8>>,
 }
@@ -139,8 +139,6 @@ pub struct Circumstances {
     pub is_switched_between: bool,
     /// What the wheels' drives are named by already: aliases in their EEPROMs, or switches.
     pub places: Option<[BusPlace; 3]>,
-    /// What drives know (faults, EEPROMs) outlives whoever opened the bus, until the robot is put down.
-    pub has_memory: bool,
     /// What the file writes to its drives beside the base's own: `, { … }` each.
     pub parameters: &'static str,
 }
@@ -172,21 +170,23 @@ pub fn set_up_in(
         stop_takes_supply,
         is_switched_between,
         places,
-        has_memory,
         parameters,
     } = circumstances;
     let base = BASE.replace("value = 2_500_000 }", &format!("value = 2_500_000 }}{parameters}"));
     let world = World { robot: robot.clone(), on_floor: false, machine: None, injector: None, pushed: None };
     let world = Rc::new(RefCell::new(world));
     let opened = Rc::clone(&world);
+    // What drives know (faults, EEPROMs) outlives whoever opened the bus, until the robot is put down, or its wires are changed.
     let mut kept: Option<(Rc<RefCell<SimLink>>, VirtualClock)> = None;
-    let mut was_on_floor = false;
+    let mut was = (false, robot.clone());
     let mut open = move || -> Result<(Box<dyn Link>, VirtualClock), String> {
         let mut world = opened.borrow_mut();
-        if std::mem::replace(&mut was_on_floor, world.on_floor) != world.on_floor {
+        let is = (world.on_floor, world.robot.clone());
+        if std::mem::replace(&mut was, is.clone()) != is {
             kept = None;
         }
         if let Some((link, clock)) = &kept {
+            world.lay_hands();
             return Ok((Box::new(SharedLink(Rc::clone(link))), clock.clone()));
         }
         let mut plan = world.robot.plan(!world.on_floor);
@@ -198,11 +198,8 @@ pub fn set_up_in(
         (world.machine, world.injector) = (Some(machine), Some(segment.injector()));
         world.lay_hands();
         let (link, clock) = in_process(segment);
-        if has_memory {
-            let (link, clock) = kept.get_or_insert((Rc::new(RefCell::new(link)), clock));
-            return Ok((Box::new(SharedLink(Rc::clone(link))), clock.clone()));
-        }
-        Ok((Box::new(link), clock))
+        let (link, clock) = kept.insert((Rc::new(RefCell::new(link)), clock));
+        Ok((Box::new(SharedLink(Rc::clone(link))), clock.clone()))
     };
     let mut person = Person {
         world,
@@ -232,7 +229,7 @@ pub fn set_up_in(
         let record = guide.record.clone();
         drop(guide);
         if let Ended::File(text) = ended {
-            let max_torques = if has_memory { max_torques(&mut open)? } else { Vec::new() };
+            let max_torques = max_torques(&mut open)?;
             return Ok(Found { text, record, asked: person.asked, told: person.told, max_torques });
         }
         if is_switched_between {

@@ -36,8 +36,9 @@ impl World {
         for (position, per_mille) in self.robot.brakes.into_iter().enumerate() {
             injector.inject(position, ApplicationFault::Brake(per_mille).into());
         }
-        if let Some(position) = self.pushed {
-            injector.inject(position, ApplicationFault::Push(PUSHED_PER_MILLE).into());
+        for position in 0..self.robot.brakes.len() {
+            let per_mille = if self.pushed == Some(position) { PUSHED_PER_MILLE } else { 0 };
+            injector.inject(position, ApplicationFault::Push(per_mille).into());
         }
     }
 }

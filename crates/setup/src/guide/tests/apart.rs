@@ -75,7 +75,10 @@ fn a_lift_that_was_seen_to_turn_a_wheel_turns_no_more() {
         assert_eq!((positions(&guide.record), &guide.record.done), (vec![1, 2, 3], &vec![Step::Find]));
         let words = guide.record.findings.join("\n");
         assert!(words.contains("SubDevice 4 was seen to turn wheel_3, and is `lift` of the file"), "{words}");
-        assert!(words.contains("gone on though SubDevices 1, 2, 3, 4 weren't switched off and on"), "{words}");
+        assert!(
+            words.contains("gone on though SubDevices 1, 2, 3, 4 weren't switched off and on"),
+            "{words}"
+        );
     });
     assert_eq!(max_torque_and_mode(&link, &clock, 4), left);
     let turned: Vec<&String> = hand.keys.iter().filter(|words| words.contains(" turns")).collect();

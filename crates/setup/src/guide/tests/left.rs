@@ -89,7 +89,8 @@ fn drives_in_which_a_jog_was_cut_off_are_switched_off_and_on() {
             let Record { jogged, findings, .. } = &guide.record;
             assert_eq!(jogged.len(), if is_kept { 3 } else { 0 }, "{says:?} {switched:?}");
             let words = findings.join("\n");
-            let are_told = ["SubDevice 2 (vendor ", "was jogged: max torque"].iter().all(|part| words.contains(part));
+            let are_told =
+                ["SubDevice 2 (vendor ", "was jogged: max torque"].iter().all(|part| words.contains(part));
             assert_eq!(are_told, is_kept, "{words}");
             let is_gone_on = words.contains("gone on though SubDevices 0, 1, 2 weren't switched off and on");
             assert_eq!(is_gone_on, says == Some("go on"), "{words}");
@@ -145,7 +146,8 @@ fn a_jog_of_another_robots_set_up_is_told() {
     let (link, clock) = segment_of(SERVOS);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
-    let mut record = Record { robot: Some("another".to_owned()), done: vec![Step::Find], ..Record::default() };
+    let mut record =
+        Record { robot: Some("another".to_owned()), done: vec![Step::Find], ..Record::default() };
     record.jogged = vec![FoundDrive { serial: 12_345, ..FoundDrive::default() }];
     with_record(BASE, record, &mut open, &mut Nobody, |guide| {
         assert!(matches!(guide.run(), Err(SetupError::OtherRobot)));
@@ -187,7 +189,11 @@ fn who_was_out_of_sight_gets_back_what_he_held_where_it_is_known_whose_that_is()
                 guide.operational().unwrap();
             }
             let refused = guide.leave_as_found();
-            assert_eq!((refused.is_empty(), guide.record.jogged.is_empty()), (!is_left, !is_left), "{refused:?}");
+            assert_eq!(
+                (refused.is_empty(), guide.record.jogged.is_empty()),
+                (!is_left, !is_left),
+                "{refused:?}"
+            );
             let is_noted = guide.record.log.iter().any(|line| line.contains("is 2500, which no jog writes"));
             assert_eq!(is_noted, set.is_some());
         });
@@ -210,7 +216,11 @@ fn another_drive_in_the_place_of_a_jogged_one_is_not_touched() {
         assert_eq!(refused.len(), 1, "{refused:?}");
         assert_eq!((refused[0].0.position, refused[0].1.as_str()), (2, "another one is in its place"));
         guide.tell_left(&refused);
-        assert!(guide.record.findings[0].contains("(another one is in its place)"), "{:?}", guide.record.findings);
+        assert!(
+            guide.record.findings[0].contains("(another one is in its place)"),
+            "{:?}",
+            guide.record.findings
+        );
         assert_eq!(max_torques(&link, &clock), [3000, 3000, 0]);
         // What somebody had written into it meanwhile is what is put back.
         let drive = guide.record.drives[2].clone();
