@@ -99,7 +99,7 @@ fn drives_in_which_a_jog_was_cut_off_are_switched_off_and_on() {
         for position in 0..3 {
             let was_switched = switched.contains(&position);
             let expected = if was_switched { &stored } else { &left };
-            assert_eq!(max_torques(&link, &clock)[usize::from(position)], expected[usize::from(position)]);
+            assert_eq!(max_torques(&link, &clock)[position], expected[position]);
         }
         // The wheel to be jogged first holds the key; who leaves is asked once.
         let times = hand.asked.iter().filter(|id| *id == "jogged").count();
