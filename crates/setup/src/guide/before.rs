@@ -73,7 +73,8 @@ impl<C: Clock> Guide<'_, C> {
     /// Whether this may be another drive by now, which held something else.
     fn is_doubtful(&self, drive: &FoundDrive) -> bool {
         let is_other = |one: &FoundDrive| one.position != drive.position && is_it(drive, one);
-        self.in_sight.is_none() && self.record.drives.iter().any(|one| is_other(one) && one.was != drive.was)
+        let mut all = self.record.drives.iter().chain(&self.written);
+        self.in_sight.is_none() && all.any(|one| is_other(one) && one.was != drive.was)
     }
 
     /// What one drive held; in words what it refuses. Since it was out of sight it may have lost its supply, or been set by somebody:

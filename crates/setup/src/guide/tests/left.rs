@@ -201,6 +201,75 @@ fn who_was_out_of_sight_gets_back_what_he_held_where_it_is_known_whose_that_is()
     }
 }
 
+/// Holds the key and cuts the cable while it is held; leaves where it is asked.
+struct Cuts {
+    link: Interrupted,
+    cycles: u32,
+    asked: Vec<String>,
+}
+
+impl Hand for Cuts {
+    fn ask(&mut self, question: &Question) -> Answer {
+        self.asked.push(question.id.clone());
+        Answer::Leave
+    }
+
+    fn tell(&mut self, _: &str) {}
+
+    fn take_key(&mut self, _: &str) {}
+
+    fn key(&mut self) -> crate::Key {
+        self.cycles += 1;
+        if self.cycles == 300 {
+            self.link.lost.set([self.link.sent.get(), self.link.sent.get() + 50]);
+        }
+        crate::Key::Beat
+    }
+}
+
+/// Where frames were lost in a motion, or others stand behind one that is dark, nobody knows who is in whose place. What then isn't put
+/// back is to be ended by the supply before drives are found again.
+#[test]
+fn drives_that_look_alike_and_were_out_of_sight_keep_what_a_motion_left() {
+    for dark in ["frames of a watch", "frames of a jog", "a drive"] {
+        let (link, clock, injector) = faulty_segment_of(SERVOS);
+        for (position, value) in [(0, 1100_u16), (1, 1200), (2, 1300)] {
+            by_tool(&link, &clock).sdo_write(position, TORQUE, &value.to_le_bytes()).unwrap();
+        }
+        let link = Interrupted { link, sent: Rc::default(), lost: Rc::default() };
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            Ok((Box::new(link.clone()), clock.clone()))
+        };
+        let mut hand = Cuts { link: link.clone(), cycles: 0, asked: Vec::new() };
+        with_found(BASE, &mut open, &mut hand, |guide| {
+            guide.operational().unwrap();
+            if dark == "a drive" {
+                injector.inject(1, Fault::PowerOff);
+                assert_eq!(guide.leave_as_found().len(), 3);
+                injector.inject(1, Fault::PowerOn);
+            } else {
+                guide.leave_as_found();
+                if dark == "frames of a watch" {
+                    let begun = link.sent.get();
+                    guide.watch(0, 0.001).unwrap();
+                    // Behind as many frames as come before and behind such a motion.
+                    let first = link.sent.get() + (link.sent.get() - begun) + 300;
+                    link.lost.set([first, first + 50]);
+                    assert_eq!(guide.watch(0, 1.0).unwrap(), None);
+                } else {
+                    let jog = guide.jog(0, jogging::Motion::Turns, "hold the key").unwrap();
+                    assert_eq!(jog.end, crate::JogEnd::Lost);
+                }
+                link.lost.set([0, 0]);
+            }
+            assert_eq!(guide.record.jogged.len(), 3, "{dark}");
+            assert!(max_torques(&link.link, &clock)[0] < 1100, "{dark}");
+            assert!(!guide.find().unwrap(), "somebody leaves at the question");
+        });
+        assert_eq!(hand.asked, ["jogged"], "{dark}");
+    }
+}
+
 /// One that got an alias meanwhile is the same; another one in its place isn't touched, and told.
 #[test]
 fn another_drive_in_the_place_of_a_jogged_one_is_not_touched() {
