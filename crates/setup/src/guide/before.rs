@@ -118,7 +118,16 @@ impl<C: Clock> Guide<'_, C> {
         self.wished.torque_per_mille.to_le_bytes() == bytes
     }
 
-    /// The same behind a motion, or at the end; who didn't get it back, and why.
+    /// A motion is over. Where frames were lost nobody is looked for: whoever is dark shows later by that that its supply was gone.
+    pub(super) fn is_over(&mut self, is_lost: bool) {
+        if is_lost {
+            self.in_sight = None;
+        } else {
+            self.leave_as_found();
+        }
+    }
+
+    /// The same with a bus of its own; who didn't get it back, and why.
     pub(super) fn leave_as_found(&mut self) -> Refused {
         if self.written.is_empty() {
             return Refused::new();
@@ -158,56 +167,68 @@ impl<C: Clock> Guide<'_, C> {
     /// it is left. Who isn't there stays remembered.
     pub(super) fn are_as_stored(&mut self) -> Result<bool, SetupError> {
         self.leave_as_found();
+        let (mut needed, mut there, mut kept) = (0, Vec::new(), String::new());
         for _ in 0..ATTEMPTS {
             if self.record.jogged.is_empty() {
                 return Ok(true);
             }
             // Whoever is scanned has an address again.
-            let (_, lost) = self.who_lost_supply()?;
-            let (link, clock) = (self.open)().map_err(SetupError::Open)?;
-            let mut bus = Bus::new(link, clock, BusOptions::default());
-            bus.scan().map_err(|error| in_words(&error))?;
-            let mut there: Vec<FoundDrive> = bus.subdevices().iter().map(seen).collect();
-            drop(bus);
-            there.retain(|one| self.record.jogged.iter().any(|jogged| has_its_numbers(jogged, one)));
-            let kept: Vec<String> = there
-                .iter()
-                .filter(|one| !lost.contains(&one.position))
-                .map(|one| one.position.to_string())
-                .collect();
-            let mut is_over = kept.is_empty();
-            if !is_over {
-                let text = format!(
-                    "a jog was cut off, and SubDevices {} hold what it wrote (max torque, mode, synchronisation) until they are switched off \
-                     and on: switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they are up; \
-                     or go on with what they hold now, as theirs?",
-                    kept.join(", ")
-                );
-                let choices = ["done", "go on"].map(str::to_owned);
-                match self.choose("jogged".to_owned(), text, &choices) {
-                    Err(Leave) => return Ok(false),
-                    Ok(said) => is_over = said == choices[1],
-                }
-                if is_over {
-                    self.record.found(format!(
-                        "gone on though SubDevices {} weren't switched off and on since a jog was cut off: what they hold may be that one's",
-                        kept.join(", ")
-                    ));
+            let (answering, lost) = self.who_lost_supply()?;
+            if answering < needed {
+                self.hand.tell(&format!(
+                    "{answering} SubDevices answer, and {needed} did before: wait until all drives are up, and say it again"
+                ));
+            } else {
+                there = self.who_was_jogged()?;
+                needed = answering;
+                let kept_supply = there.iter().filter(|one| !lost.contains(&one.position));
+                kept = kept_supply.map(|one| one.position.to_string()).collect::<Vec<_>>().join(", ");
+                if kept.is_empty() {
+                    self.no_longer_jogged(there);
+                    return Ok(true);
                 }
             }
-            if is_over {
-                let mut is_there = |one: &FoundDrive| {
-                    let at = there.iter().position(|now| has_its_numbers(one, now));
-                    at.map(|at| there.remove(at)).is_some()
-                };
-                self.record.jogged.retain(|one| !is_there(one));
-                self.written.clear();
-                self.record.found_of(LEFT, Vec::new());
-                self.kept();
-                return Ok(true);
+            let text = format!(
+                "a jog was cut off, and SubDevices {kept} hold what it wrote (max torque, mode, synchronisation) until they are switched off \
+                 and on: switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they are up; or go \
+                 on with what they hold now, as theirs?"
+            );
+            let choices = ["done", "go on"].map(str::to_owned);
+            match self.choose("jogged".to_owned(), text, &choices) {
+                Err(Leave) => return Ok(false),
+                Ok(said) if said == choices[0] => {}
+                Ok(_) => {
+                    self.record.found(format!(
+                        "gone on though SubDevices {kept} weren't switched off and on since a jog was cut off: what they hold may be that one's"
+                    ));
+                    self.no_longer_jogged(there);
+                    return Ok(true);
+                }
             }
         }
         Ok(false)
+    }
+
+    /// Who on the bus may have been jogged, by his numbers.
+    fn who_was_jogged(&mut self) -> Result<Vec<FoundDrive>, SetupError> {
+        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
+        let mut bus = Bus::new(link, clock, BusOptions::default());
+        bus.scan().map_err(|error| in_words(&error))?;
+        let all = bus.subdevices().iter().map(seen);
+        let is_jogged = |one: &FoundDrive| self.record.jogged.iter().any(|other| has_its_numbers(other, one));
+        Ok(all.filter(is_jogged).collect())
+    }
+
+    /// What these hold is theirs.
+    fn no_longer_jogged(&mut self, mut these: Vec<FoundDrive>) {
+        let mut is_one = |one: &FoundDrive| {
+            let at = these.iter().position(|other| has_its_numbers(one, other));
+            at.map(|at| these.remove(at)).is_some()
+        };
+        self.record.jogged.retain(|one| !is_one(one));
+        self.written.clear();
+        self.record.found_of(LEFT, Vec::new());
+        self.kept();
     }
 
     /// How many SubDevices answer, and whose chip forgot the address that the last scan gave it: their supply was gone. Who was merely cut

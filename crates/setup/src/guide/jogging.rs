@@ -34,8 +34,7 @@ impl<C: Clock> Guide<'_, C> {
     /// Turns one drive while its key is held; all have back what they held then.
     pub(super) fn jog(&mut self, number: usize, motion: Motion, what: &str) -> Result<Jog, SetupError> {
         let jog = self.jog_limited(number, motion, what);
-        self.in_sight = self.in_sight.filter(|_| jog.as_ref().is_ok_and(|jog| jog.end != JogEnd::Lost));
-        self.leave_as_found();
+        self.after_motion(jog.as_ref().is_ok_and(|jog| jog.end == JogEnd::Lost));
         jog
     }
 
@@ -95,8 +94,7 @@ impl<C: Clock> Guide<'_, C> {
     /// Nothing is enabled for so long: between the least and the greatest position of one drive, counts; `None` where frames were lost.
     pub(super) fn watch(&mut self, number: usize, seconds: f64) -> Result<Option<i64>, SetupError> {
         let span = self.watch_limited(number, seconds);
-        self.in_sight = self.in_sight.filter(|_| matches!(span, Ok(Some(_))));
-        self.leave_as_found();
+        self.after_motion(matches!(span, Ok(None)));
         span
     }
 
