@@ -119,7 +119,7 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// A motion is over. Where frames were lost nobody is looked for: whoever is dark shows later by that that its supply was gone.
-    pub(super) fn is_over(&mut self, is_lost: bool) {
+    pub(super) fn after_motion(&mut self, is_lost: bool) {
         if is_lost {
             self.in_sight = None;
         } else {
