@@ -14,6 +14,7 @@ mod stops;
 #[cfg(test)]
 mod tests;
 
+pub use before::MOST_PER_MILLE;
 pub use floor::Calibrated;
 
 use std::time::Duration;
@@ -266,6 +267,7 @@ impl<'a, C: Clock> Guide<'a, C> {
         };
         let refused = self.leave_as_found();
         self.tell_left(&refused);
+        self.look_at_limits();
         ended
     }
 
@@ -329,7 +331,7 @@ impl<'a, C: Clock> Guide<'a, C> {
         }
         let mut bus = self.bus()?;
         let mut drives = self.record.drives.clone();
-        self.take_back(&mut bus, &mut drives);
+        self.take_back(&mut bus, &mut drives)?;
         if !self.set_apart(bus.subdevices(), &mut drives)? {
             return Ok(false);
         }
@@ -387,13 +389,13 @@ impl<'a, C: Clock> Guide<'a, C> {
         for _ in 0..ATTEMPTS {
             match self.hand.ask(&question) {
                 Answer::Leave => return Err(Leave),
-                Answer::Said(said) if said.trim().is_empty() && question.default.is_some() => {
+                Answer::Text(said) if said.trim().is_empty() && question.default.is_some() => {
                     return Ok(question.default.unwrap_or_default());
                 }
-                Answer::Said(said) if choices.iter().any(|choice| choice == said.trim()) => {
+                Answer::Text(said) if choices.iter().any(|choice| choice == said.trim()) => {
                     return Ok(said.trim().to_owned());
                 }
-                Answer::Said(said) => {
+                Answer::Text(said) => {
                     self.hand.tell(&format!(
                         "expected one of {}, found \"{}\"",
                         choices.join(", "),
@@ -428,8 +430,8 @@ impl<'a, C: Clock> Guide<'a, C> {
         for _ in 0..ATTEMPTS {
             match self.hand.ask(&question) {
                 Answer::Leave => return Err(Leave),
-                Answer::Said(said) if said.trim().is_empty() => return Ok(default),
-                Answer::Said(said) => match said.trim().parse::<f64>() {
+                Answer::Text(said) if said.trim().is_empty() => return Ok(default),
+                Answer::Text(said) => match said.trim().parse::<f64>() {
                     Ok(number) if range.holds(number) => return Ok(number),
                     _ => self.hand.tell(&format!("expected {}, found \"{}\"", range.words(), said.trim())),
                 },

@@ -34,7 +34,7 @@ pub struct Question {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 pub enum Answer {
     /// Words, a number, or one of the choices.
-    Said(String),
+    Text(String),
     /// Enough for now: the state is kept.
     Leave,
 }

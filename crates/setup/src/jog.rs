@@ -13,12 +13,12 @@ use omnibase_ethercat::wire::{Clock, Link, LinkError};
 
 use crate::dead_man::DeadMan;
 use crate::drive::DriveMap;
-use crate::hand::Hand;
+use crate::hand::{Hand, Key};
 
 /// Cycles that a drive may take to be disabled again.
 const END_CYCLES: u32 = 1000;
-/// Cycles that a wheel may roll on when nobody drives it: who looks at it sees that, too.
-const ROLLING_CYCLES: u32 = 10_000;
+/// How long a wheel that was turned may roll on when nobody drives it, ns: who looks at it sees that, too.
+const ROLLING_NS: u64 = 10_000_000_000;
 /// What of its speed in a jog a wheel that stands has at most.
 const STANDING: f64 = 0.02;
 /// Cycles in which somebody may begin to hold the key: a minute at 1 ms.
@@ -141,6 +141,12 @@ pub struct Jogger<'a, L: Link, C: Clock> {
     pub cycle_ns: u64,
 }
 
+/// When the key was let go.
+struct Ended {
+    cycles: u32,
+    position: i32,
+}
+
 /// What the drive is told in a cycle.
 #[derive(Clone, Copy)]
 struct Told {
@@ -236,7 +242,8 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
         };
         jog.end = end;
         hand.moves(false, jog.travel_counts as f64);
-        self.end(plan, &mut enabling, cycles, last, &mut jog)?;
+        let from = Ended { cycles, position: last };
+        self.end(plan, hand, &mut enabling, from, &mut jog)?;
         Ok(jog)
     }
 
@@ -316,13 +323,14 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
     fn end(
         &mut self,
         plan: &JogPlan,
+        hand: &mut dyn Hand,
         enabling: &mut Enabling,
-        cycles: u32,
-        mut last: i32,
+        Ended { cycles, position: mut last }: Ended,
         jog: &mut Jog,
     ) -> Result<(), LinkError> {
+        let rolling = if plan.speed_units == 0 { 0 } else { (ROLLING_NS / self.cycle_ns.max(1)) as u32 };
         let mut steps = [0; WINDOW_CYCLES];
-        for cycle in 1..=ROLLING_CYCLES {
+        for cycle in 1..=END_CYCLES.max(rolling) {
             let inputs = self.inputs();
             let step = i64::from(inputs.position.wrapping_sub(last));
             jog.travel_counts += step;
@@ -335,7 +343,8 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             let is_disabled = matches!(progress, Progress::Holding(_) | Progress::Stopped(_));
             let rolls = steps.iter().sum::<i64>().abs() as f64;
             let stands = rolls <= (STANDING * WINDOW_CYCLES as f64 * plan.counts_per_cycle.abs()).max(1.0);
-            let is_over = if is_disabled { stands } else { cycle >= END_CYCLES };
+            let may_roll = cycle < rolling && !stands && hand.key() != Key::Gone;
+            let is_over = if is_disabled { !may_roll } else { cycle >= END_CYCLES };
             if cycle > WINDOW_CYCLES as u32 && is_over {
                 break;
             }

@@ -22,7 +22,9 @@ use omnibase_ethercat::wire::Link;
 use omnibase_host::{FileLock, stop_on_signals};
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::pace::PacedClock;
-use omnibase_setup::{Calibrated, Ended, Guide, Hand, Outside, Record, SetupError, Step, Wished, robot_file};
+use omnibase_setup::{
+    Calibrated, Ended, Guide, Hand, MOST_PER_MILLE, Outside, Record, SetupError, Step, Wished, robot_file,
+};
 use std::convert::Infallible;
 use std::io::{BufReader, Write};
 use std::net::SocketAddr;
@@ -104,7 +106,10 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
         "--wheel-speed-rad-s {speed}: expected 0.01 to 5, for somebody must see it"
     );
     let torque = arguments.torque_per_mille;
-    anyhow::ensure!((1..=500).contains(&torque), "--torque-per-mille {torque}: expected 1 to 500");
+    anyhow::ensure!(
+        (1..=MOST_PER_MILLE).contains(&torque),
+        "--torque-per-mille {torque}: expected 1 to {MOST_PER_MILLE}"
+    );
     let base = small_file::text(&arguments.robot)?;
     let (state, told) = (beside(&arguments.output, "state.json"), beside(&arguments.output, "record.md"));
     let plan = robot_file::plan(&base, &Registry::with_built_in())?;

@@ -12,7 +12,7 @@ fn main() {
     let (mut wired, mut found_wires, mut unheld, mut asked, mut metres) = (0, 0, 0, 0, 0);
     for seed in 1..=count {
         let robot = Unknown::of(seed);
-        let said = |text: &str| Some(omnibase_setup::Answer::Said(text.to_owned()));
+        let said = |text: &str| Some(omnibase_setup::Answer::Text(text.to_owned()));
         // Every tenth is driven on the floor, too.
         let on_floor = |question: &omnibase_setup::Question| match question.id.as_str() {
             "floor" if seed % 10 == 1 => said("drive"),

@@ -264,9 +264,9 @@ mod tests {
             self.asked.push(question.id.clone());
             if question.id == "power" {
                 (self.power)();
-                return Answer::Said("done".to_owned());
+                return Answer::Text("done".to_owned());
             }
-            Answer::Said(self.says.to_owned())
+            Answer::Text(self.says.to_owned())
         }
 
         fn tell(&mut self, text: &str) {
@@ -455,7 +455,7 @@ mod tests {
                     assert_eq!(question.id, "unseen 1");
                     injector.inject(1, Fault::PowerOn);
                 }
-                said.map_or(Answer::Leave, |said| Answer::Said(said.to_owned()))
+                said.map_or(Answer::Leave, |said| Answer::Text(said.to_owned()))
             });
             let (mut keep, mut back_up) = (|_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
             let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };

@@ -1,6 +1,8 @@
 //! What jogs write over in drives: read right before, put back right after. Where that was cut off, a drive is as it was once it lost
 //! its supply, for nothing of a jog is stored in it.
 
+use std::collections::BTreeSet;
+
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::transaction::Access;
 use omnibase_ethercat::wire::coe::ObjectAddress;
@@ -14,6 +16,10 @@ use crate::record::{FoundDrive, LEFT};
 
 /// What of findings drives hold a jog's max torque.
 const LIMITED: &str = "limited as by jogs";
+/// What of findings somebody went on with.
+const GONE_ON: &str = "gone on with what a jog left";
+/// The greatest max torque that a jog is given, per mille of the rated.
+pub const MOST_PER_MILLE: u16 = 500;
 
 /// Drives that didn't get back what they held, each with the reason.
 pub(super) type Refused = Vec<(FoundDrive, String)>;
@@ -22,12 +28,19 @@ impl<C: Clock> Guide<'_, C> {
     /// Reads what the next jog writes over; what an earlier one wrote there isn't put back yet where that failed.
     pub(super) fn remember(&mut self, bus: &mut AnyBus<C>) -> Result<(), SetupError> {
         self.put_back(bus);
-        self.in_sight = Some(bus.subdevices().len()).filter(|_| self.written.is_empty());
+        let is_seen = self.written.is_empty() || self.in_sight.is_some();
+        self.in_sight = is_seen.then_some(bus.subdevices().len());
         for drive in &mut self.record.drives {
             if self.written.iter().any(|one| is_same(one, drive)) {
                 continue;
             }
-            drive.was = held(bus, &self.plan, drive);
+            drive.was = held(bus, &self.plan, drive).map_err(|error| in_words(&error))?;
+            if !drive.was.iter().any(|(index, ..)| *index == MAX_TORQUE) {
+                return Err(SetupError::Bus(format!(
+                    "SubDevice {}: its max torque (6072) can't be read, so nobody could put it back behind a jog: jog it by its maker's tool",
+                    drive.position
+                )));
+            }
             self.written.push(drive.clone());
             if !self.record.jogged.iter().any(|one| is_same(one, drive)) {
                 self.record.jogged.push(drive.clone());
@@ -42,20 +55,27 @@ impl<C: Clock> Guide<'_, C> {
         let mut refused = Refused::new();
         // Behind one that is dark others may stand at its place.
         self.in_sight = self.in_sight.filter(|count| *count == bus.subdevices().len());
+        let mut are_placed = true;
         for drive in self.written.clone() {
             let now = bus.subdevices().get(usize::from(drive.position)).map(seen);
             // It may have got an alias since.
             let known = self.record.drives.iter().find(|one| is_same(one, &drive)).unwrap_or(&drive);
-            let words = match now {
+            let is_its = now.as_ref().map(|now| is_it(known, now));
+            are_placed &= is_its == Some(true);
+            let words = match is_its {
                 None => vec!["nobody is in its place".to_owned()],
-                Some(now) if !is_it(known, &now) => vec!["another one is in its place".to_owned()],
-                Some(_) if self.is_doubtful(&drive) => {
-                    vec![
-                        "one that looks like it held something else, and may be in its place by now"
-                            .to_owned(),
-                    ]
-                }
-                Some(_) => self.write_back(bus, &drive),
+                Some(false) => vec!["another one is in its place".to_owned()],
+                Some(true) if self.is_doubtful(&drive) => match self.is_limited(bus, drive.position) {
+                    // It lost its supply, or was set by somebody.
+                    false => Vec::new(),
+                    true => {
+                        vec![
+                            "one that looks like it held something else, and may be in its place by now"
+                                .to_owned(),
+                        ]
+                    }
+                },
+                Some(true) => self.write_back(bus, &drive),
             };
             if words.is_empty() {
                 self.written.retain(|one| !is_same(one, &drive));
@@ -64,7 +84,7 @@ impl<C: Clock> Guide<'_, C> {
                 refused.push((drive, words.join("; ")));
             }
         }
-        if !refused.is_empty() {
+        if !are_placed {
             self.in_sight = None;
         }
         refused
@@ -106,7 +126,7 @@ impl<C: Clock> Guide<'_, C> {
     /// Whether a jog may have written this: its limit, or none by whoever maps it; what it writes itself otherwise; what the file asks.
     fn is_of_jog(&self, drive: &FoundDrive, object: ObjectAddress, bytes: &[u8]) -> bool {
         match (object.index, object.subindex) {
-            (MAX_TORQUE, 0) => self.is_limit(bytes) || bytes == [0, 0],
+            (MAX_TORQUE, 0) => is_limit(bytes),
             other => {
                 JOG_WRITES.contains(&other)
                     || AtStart::of_drive(&self.plan, &self.plan.bus, drive).writes(object, bytes)
@@ -114,16 +134,23 @@ impl<C: Clock> Guide<'_, C> {
         }
     }
 
-    fn is_limit(&self, bytes: &[u8]) -> bool {
-        self.wished.torque_per_mille.to_le_bytes() == bytes
+    /// Whether a drive holds a max torque as a jog may leave it, or one that can't be read.
+    fn is_limited(&self, bus: &mut AnyBus<C>, position: u16) -> bool {
+        let object = ObjectAddress::new(MAX_TORQUE, 0);
+        bus.sdo_read(position, object, SdoAccess::Entry).map_or(true, |now| is_limit(&now))
     }
 
     /// A motion is over. Where frames were lost nobody is looked for: whoever is dark shows later by that that its supply was gone.
     pub(super) fn after_motion(&mut self, is_lost: bool) {
         if is_lost {
             self.in_sight = None;
-        } else {
-            self.leave_as_found();
+            return;
+        }
+        for (drive, why) in self.leave_as_found() {
+            self.hand.tell(&format!(
+                "SubDevice {} doesn't hold yet what it held before the motion: {why}",
+                drive.position
+            ));
         }
     }
 
@@ -164,45 +191,50 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Whoever was jogged and didn't get back what he held lost his supply since, or somebody goes on with what he holds. `false` where
-    /// it is left. Who isn't there stays remembered.
+    /// it is left. Who isn't there stays remembered until somebody says that he is gone for good.
     pub(super) fn are_as_stored(&mut self) -> Result<bool, SetupError> {
         self.leave_as_found();
         let (mut needed, mut there, mut kept) = (0, Vec::new(), String::new());
+        let mut lost = BTreeSet::new();
         for _ in 0..ATTEMPTS {
             if self.record.jogged.is_empty() {
                 return Ok(true);
             }
             // Whoever is scanned has an address again.
-            let (answering, lost) = self.who_lost_supply()?;
+            let (answering, now) = self.who_lost_supply()?;
             if answering < needed {
                 self.hand.tell(&format!(
                     "{answering} SubDevices answer, and {needed} did before: wait until all drives are up, and say it again"
                 ));
             } else {
-                there = self.who_was_jogged()?;
+                lost.extend(now);
                 needed = answering;
+                there = self.who_was_jogged()?;
                 let kept_supply = there.iter().filter(|one| !lost.contains(&one.position));
                 kept = kept_supply.map(|one| one.position.to_string()).collect::<Vec<_>>().join(", ");
-                if kept.is_empty() {
-                    self.no_longer_jogged(there);
-                    return Ok(true);
+                match self.bus() {
+                    Ok(_) if kept.is_empty() => return Ok(self.no_longer_jogged(there)),
+                    Err(error) if kept.is_empty() => {
+                        self.hand.tell(&format!("{error}: wait until all drives are up, and say it again"));
+                    }
+                    _ => {}
                 }
             }
             let text = format!(
-                "a jog was cut off, and SubDevices {kept} hold what it wrote (max torque, mode, synchronisation) until they are switched off \
-                 and on: switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they are up; or go \
-                 on with what they hold now, as theirs?"
+                "a jog was cut off, and drives hold what it wrote (max torque, mode, synchronisation) until they are switched off and on \
+                 (SubDevices {kept}): switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they \
+                 are up; or go on with what they hold now, as theirs?"
             );
             let choices = ["done", "go on"].map(str::to_owned);
             match self.choose("jogged".to_owned(), text, &choices) {
                 Err(Leave) => return Ok(false),
                 Ok(said) if said == choices[0] => {}
                 Ok(_) => {
-                    self.record.found(format!(
+                    let text = format!(
                         "gone on though SubDevices {kept} weren't switched off and on since a jog was cut off: what they hold may be that one's"
-                    ));
-                    self.no_longer_jogged(there);
-                    return Ok(true);
+                    );
+                    self.tell_found_of(GONE_ON, vec![text]);
+                    return Ok(self.no_longer_jogged(there));
                 }
             }
         }
@@ -219,16 +251,36 @@ impl<C: Clock> Guide<'_, C> {
         Ok(all.filter(is_jogged).collect())
     }
 
-    /// What these hold is theirs.
-    fn no_longer_jogged(&mut self, mut these: Vec<FoundDrive>) {
+    /// What these hold is theirs; who isn't among them is asked for. `false` where it is left.
+    fn no_longer_jogged(&mut self, mut these: Vec<FoundDrive>) -> bool {
         let mut is_one = |one: &FoundDrive| {
             let at = these.iter().position(|other| has_its_numbers(one, other));
             at.map(|at| these.remove(at)).is_some()
         };
         self.record.jogged.retain(|one| !is_one(one));
         self.written.clear();
+        for one in self.record.jogged.clone() {
+            let text = format!(
+                "SubDevice {} ({}) was jogged and isn't on the bus: it holds what the jog wrote until it is switched off and on. `remember` \
+                 that, or is it `gone` for good?",
+                one.position,
+                who(&one)
+            );
+            match self.choose("gone for good".to_owned(), text, &["remember", "gone"].map(str::to_owned)) {
+                Err(Leave) => return false,
+                Ok(said) if said == "gone" => {
+                    self.record.jogged.retain(|other| *other != one);
+                    self.record.note(format!(
+                        "gone for good, as was said: {}, which a jog was cut off in",
+                        who(&one)
+                    ));
+                }
+                Ok(_) => {}
+            }
+        }
         self.record.found_of(LEFT, Vec::new());
         self.kept();
+        true
     }
 
     /// How many SubDevices answer, and whose chip forgot the address that the last scan gave it: their supply was gone. Who was merely cut
@@ -246,32 +298,49 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Who is limited as by a jog, though none is left: one that stores by itself, or one that was jogged elsewhere.
     pub(super) fn tell_limited(&mut self) {
-        let is_limited = |drive: &&FoundDrive| {
-            drive.was.iter().any(|(index, _, bytes)| *index == MAX_TORQUE && self.is_limit(bytes))
+        let limit = |drive: &FoundDrive| {
+            let its = drive.was.iter().find(|(index, ..)| *index == MAX_TORQUE)?;
+            is_limit(&its.2).then(|| number(&its.2))
         };
         let text = |drive: &FoundDrive| {
-            format!(
-                "SubDevice {}: its max torque (6072) is {} ‰ of the rated, as a jog writes it: where nobody wished that, set it by the maker's \
-                 tool",
-                drive.position, self.wished.torque_per_mille
-            )
+            Some(format!(
+                "SubDevice {}: its max torque (6072) is {} per mille of the rated, which a jog may have left there: where nobody wished that, \
+                 set it by the maker's tool",
+                drive.position,
+                limit(drive)?
+            ))
         };
-        let texts = self.record.drives.iter().filter(is_limited).map(text).collect();
+        let texts: Vec<String> = self.record.drives.iter().filter_map(text).collect();
+        if texts.is_empty() {
+            self.record.found_of(GONE_ON, Vec::new());
+        }
         self.tell_found_of(LIMITED, texts);
     }
 
+    /// The same at the end, of who was told before: it may be over.
+    pub(super) fn look_at_limits(&mut self) {
+        if ![GONE_ON, LIMITED].iter().any(|what| self.record.has_found(what)) {
+            return;
+        }
+        let Ok(mut bus) = self.bus() else { return };
+        let mut now = Vec::new();
+        for drive in &self.record.drives {
+            let Ok(was) = held(&mut bus, &self.plan, drive) else { return };
+            now.push(was);
+        }
+        self.record.drives.iter_mut().zip(now).for_each(|(drive, was)| drive.was = was);
+        self.tell_limited();
+        self.kept();
+    }
+
     /// Why what a drive holds now isn't stored in it: something of it may be what a jog left there.
-    pub(super) fn left_by_jog(&self, bus: &mut AnyBus<C>, position: u16) -> Option<String> {
-        if self.record.jogged.iter().any(|one| one.position == position) {
+    pub(super) fn left_by_jog(&self, bus: &mut AnyBus<C>, drive: &FoundDrive) -> Option<String> {
+        if self.record.jogged.iter().any(|one| is_same(one, drive)) {
             return Some("it holds what a jog wrote: switch it off and on, then store".to_owned());
         }
-        let object = ObjectAddress::new(MAX_TORQUE, 0);
-        let now = bus.sdo_read(position, object, SdoAccess::Entry).ok()?;
-        (self.is_limit(&now) || now == [0, 0]).then(|| {
-            format!(
-                "{object} is {}, as a jog may leave it: set it by the maker's tool, then store",
-                number(&now)
-            )
+        self.is_limited(bus, drive.position).then(|| {
+            "its max torque (6072) is as a jog may leave it: set it by the maker's tool, then store"
+                .to_owned()
         })
     }
 
@@ -284,6 +353,11 @@ impl<C: Clock> Guide<'_, C> {
             }
         }
     }
+}
+
+/// Whether a max torque is one that a jog may have left: its limit, or none by whoever maps it.
+fn is_limit(bytes: &[u8]) -> bool {
+    matches!(*bytes, [low, high] if u16::from_le_bytes([low, high]) <= MOST_PER_MILLE)
 }
 
 /// Whether it is a drive with these numbers at this place.

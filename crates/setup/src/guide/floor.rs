@@ -44,7 +44,7 @@ const CONTROL_WORD: u16 = 0x6040;
 
 /// One way on the floor.
 #[derive(Clone, Copy, Debug, PartialEq)]
-struct Way {
+struct FloorMotion {
     name: &'static str,
     twist: Twist2,
     /// Until it has gone so far, m or rad by its wheels.
@@ -52,20 +52,20 @@ struct Way {
     words: &'static str,
 }
 
-const WAYS: [Way; 3] = [
-    Way {
+const WAYS: [FloorMotion; 3] = [
+    FloorMotion {
         name: "ahead",
         twist: Twist2 { vx_m_s: SPEED_M_S, vy_m_s: 0.0, w_rad_s: 0.0 },
         far: METRE_M,
         words: "the robot drives a metre AHEAD (its x)",
     },
-    Way {
+    FloorMotion {
         name: "aside",
         twist: Twist2 { vx_m_s: 0.0, vy_m_s: SPEED_M_S, w_rad_s: 0.0 },
         far: METRE_M,
         words: "the robot drives a metre TO ITS LEFT (its y)",
     },
-    Way {
+    FloorMotion {
         name: "round",
         twist: Twist2 { vx_m_s: 0.0, vy_m_s: 0.0, w_rad_s: TURN_SPEED_RAD_S },
         far: core::f64::consts::TAU,
@@ -123,12 +123,12 @@ fn stopped(plan: &RobotPlan, record: &CycleRecord) -> String {
 }
 
 /// What of findings is of a way that is driven.
-fn driven(way: &Way) -> String {
+fn driven(way: &FloorMotion) -> String {
     format!("way {}", way.name)
 }
 
 /// How far it went of what was told: along its way, or round.
-fn gone(way: &Way, pose: Pose2, turned_rad: f64) -> f64 {
+fn gone(way: &FloorMotion, pose: Pose2, turned_rad: f64) -> f64 {
     match way.name {
         "round" => turned_rad,
         "aside" => pose.y_m,
@@ -150,7 +150,7 @@ impl<C: Clock> Guide<'_, C> {
             }
             Ok(_) => {}
         }
-        if !self.is_as_jogged()? {
+        if !self.is_as_jogged()? || !self.written.is_empty() && !self.are_as_stored()? {
             return Ok(false);
         }
         let Ok(is_driven) = self.measured(&WAYS[0])? else { return Ok(false) };
@@ -182,7 +182,7 @@ impl<C: Clock> Guide<'_, C> {
             }
             Ok(_) => {}
         }
-        if !self.is_as_jogged()? {
+        if !self.is_as_jogged()? || !self.written.is_empty() && !self.are_as_stored()? {
             return Ok(false);
         }
         let was_passed_over = self.record.passed_over_of(Step::FirstMetre).is_some();
@@ -257,7 +257,7 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Drives one way as often as it takes, and asks what the tape says; whether it was driven to its end.
-    fn measured(&mut self, way: &Way) -> Result<Result<bool, Leave>, SetupError> {
+    fn measured(&mut self, way: &FloorMotion) -> Result<Result<bool, Leave>, SetupError> {
         loop {
             let drive = self.drive(way)?;
             self.record.note(format!(
@@ -307,7 +307,7 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// What a tape says of a way; `None` where it is driven again.
-    fn tape(&mut self, way: &Way, mut leg: Leg) -> Result<Option<Leg>, Leave> {
+    fn tape(&mut self, way: &FloorMotion, mut leg: Leg) -> Result<Option<Leg>, Leave> {
         let choices = ["ahead", "back", "left", "right", "round to the left", "round to the right"];
         let expected = match way.name {
             "aside" => "left",
@@ -361,7 +361,7 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Drives one way while the key is held; let go, the drives lose their torque in the next frame.
-    fn drive(&mut self, way: &Way) -> Result<Drive, SetupError> {
+    fn drive(&mut self, way: &FloorMotion) -> Result<Drive, SetupError> {
         let registry = Registry::with_built_in();
         let plan = robot_file::plan(&self.text()?, &registry)?;
         // Whoever carried it to the floor may have switched it off, and plugged it otherwise: the file knows no serial numbers.

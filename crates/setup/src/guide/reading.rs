@@ -3,6 +3,8 @@
 use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
+use omnibase_ethercat::error::SetUpError;
+use omnibase_ethercat::mailbox::MailboxError;
 use omnibase_ethercat::start_up::{ReadBack, SdoAccess};
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, sii};
@@ -41,7 +43,7 @@ impl<C: Clock> Guide<'_, C> {
         Ok(bus)
     }
 
-    pub(super) fn drives_on(&self, bus: &mut AnyBus<C>) -> Vec<FoundDrive> {
+    pub(super) fn drives_on(&self, bus: &mut AnyBus<C>) -> Result<Vec<FoundDrive>, SetupError> {
         let mut drives = Vec::new();
         for position in 0..bus.subdevices().len() as u16 {
             let one = &bus.subdevices()[usize::from(position)];
@@ -61,10 +63,10 @@ impl<C: Clock> Guide<'_, C> {
             found.told_gear = ratio(0x6091).filter(|gear| TOLD_GEAR.contains(gear));
             found.rated_torque_nm =
                 read(0x6076, 0).filter(|torque| *torque > 0).map(|torque| f64::from(torque) / 1000.0);
-            found.was = held(bus, &self.plan, &found);
+            found.was = held(bus, &self.plan, &found).map_err(|error| in_words(&error))?;
             drives.push(found);
         }
-        drives
+        Ok(drives)
     }
 
     /// Finds the drives and notes what those say of themselves that may turn a wheel; `false` where it is left.
@@ -73,7 +75,7 @@ impl<C: Clock> Guide<'_, C> {
             return Ok(false);
         }
         let mut bus = self.bus()?;
-        let mut drives = self.drives_on(&mut bus);
+        let mut drives = self.drives_on(&mut bus)?;
         let others = bus.subdevices().len() - drives.len();
         let text = format!("{} drives, and {others} SubDevices that are none", drives.len());
         self.hand.tell(&text);
@@ -139,7 +141,7 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn compare(&mut self) -> Result<(), SetupError> {
         let mut bus = self.bus()?;
         self.are_those_found(&bus)?;
-        let mut now = self.drives_on(&mut bus);
+        let mut now = self.drives_on(&mut bus)?;
         for was in &self.record.drives {
             if !now.iter().any(|one| one.position == was.position) {
                 let found = "no drive".to_owned();
@@ -306,6 +308,7 @@ impl<C: Clock> Guide<'_, C> {
             let Ok(choice) = self.choose(format!("parameters {}", drive.position), text, &choices) else {
                 return Ok(false);
             };
+            self.record.make_good(Step::Parameters, Some(&wheel));
             if choice == "leave them" {
                 continue;
             }
@@ -327,8 +330,10 @@ impl<C: Clock> Guide<'_, C> {
                 }
             }
             if choice == "store" {
-                if let Some(why) = self.left_by_jog(&mut bus, drive.position) {
-                    self.tell_found(format!("{wheel}: not stored: {why}"));
+                if let Some(why) = self.left_by_jog(&mut bus, drive) {
+                    let text = format!("{wheel}: not stored: {why}");
+                    self.hand.tell(&text);
+                    self.record.pass_over(Step::Parameters, Some(&wheel), text);
                     continue;
                 }
                 match bus.sdo_write(drive.position, ObjectAddress::new(STORE, 1), &SAVE.to_le_bytes()) {
@@ -343,20 +348,28 @@ impl<C: Clock> Guide<'_, C> {
     }
 }
 
-/// What a jog would write over in a drive, as it is now.
+/// What a jog would write over in a drive, as it is now. What it says no to is left out; an error where it doesn't say anything.
 pub(super) fn held<C: Clock>(
     bus: &mut AnyBus<C>,
     plan: &RobotPlan,
     drive: &FoundDrive,
-) -> Vec<(u16, u8, Vec<u8>)> {
+) -> Result<Vec<(u16, u8, Vec<u8>)>, SetUpError> {
     let mut held = Vec::new();
     let of_file = AtStart::of_drive(plan, &plan.bus, drive);
     for (index, subindex) in JOG_WRITES.into_iter().chain(of_file.objects()) {
         let object = ObjectAddress::new(index, subindex);
-        let Ok(bytes) = bus.sdo_read(drive.position, object, SdoAccess::Entry) else { continue };
-        held.push((index, subindex, bytes));
+        match bus.sdo_read(drive.position, object, SdoAccess::Entry) {
+            Ok(bytes) => held.push((index, subindex, bytes)),
+            Err(error) if is_no(&error) => {}
+            Err(error) => return Err(error),
+        }
     }
-    held
+    Ok(held)
+}
+
+/// Whether it is a drive's own no.
+fn is_no(error: &SetUpError) -> bool {
+    matches!(error, SetUpError::Request { cause: MailboxError::Aborted { .. }, .. })
 }
 
 /// Whether a drive can be asked for it now, and may keep it.

@@ -129,10 +129,10 @@ impl<C: Clock> Guide<'_, C> {
                 return Ok(None);
             }
             let (there, now) = self.who_lost_supply()?;
-            lost.extend(now);
             let problem = if there < needed {
                 format!("{there} SubDevices answer, and at least {needed} are needed")
             } else {
+                lost.extend(now);
                 match self.bus() {
                     Ok(mut bus) => {
                         self.in_sight = None;

@@ -70,7 +70,7 @@ struct Says(&'static str);
 
 impl Hand for Says {
     fn ask(&mut self, _: &Question) -> Answer {
-        Answer::Said(self.0.to_owned())
+        Answer::Text(self.0.to_owned())
     }
 
     fn tell(&mut self, _: &str) {}
@@ -99,7 +99,7 @@ impl<F: FnMut(&str) -> Option<&'static str>> Notes<F> {
 impl<F: FnMut(&str) -> Option<&'static str>> Hand for Notes<F> {
     fn ask(&mut self, question: &Question) -> Answer {
         self.asked.push(question.id.clone());
-        (self.answers)(&question.id).map_or(Answer::Leave, |said| Answer::Said(said.to_owned()))
+        (self.answers)(&question.id).map_or(Answer::Leave, |said| Answer::Text(said.to_owned()))
     }
 
     fn tell(&mut self, text: &str) {
@@ -193,7 +193,7 @@ struct Doubting(Vec<String>);
 impl Hand for Doubting {
     fn ask(&mut self, question: &Question) -> Answer {
         self.0.push(question.text.clone());
-        Answer::Said("jog again".to_owned())
+        Answer::Text("jog again".to_owned())
     }
 
     fn tell(&mut self, _: &str) {}

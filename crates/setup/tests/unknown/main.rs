@@ -36,7 +36,7 @@ fn set_up_where(
 }
 
 fn said(text: &str) -> Answer {
-    Answer::Said(text.to_owned())
+    Answer::Text(text.to_owned())
 }
 
 #[test]
@@ -223,7 +223,7 @@ struct Deaf(u32);
 impl omnibase_setup::Hand for Deaf {
     fn ask(&mut self, _: &omnibase_setup::Question) -> omnibase_setup::Answer {
         self.0 += 1;
-        omnibase_setup::Answer::Said("what?".to_owned())
+        omnibase_setup::Answer::Text("what?".to_owned())
     }
 
     fn tell(&mut self, _: &str) {}

@@ -133,7 +133,7 @@ impl Hand for Person<'_> {
         if let Some(answer) = (self.otherwise)(question) {
             let is_put_down = ["floor", "calibrate"].contains(&question.id.as_str());
             self.world.borrow_mut().on_floor |= is_put_down;
-            if let Answer::Said(said) = &answer {
+            if let Answer::Text(said) = &answer {
                 self.asked.push((question.id.clone(), said.clone()));
             }
             return answer;
@@ -192,7 +192,7 @@ impl Hand for Person<'_> {
             _ => String::new(),
         };
         self.asked.push((question.id.clone(), said.clone()));
-        Answer::Said(said)
+        Answer::Text(said)
     }
 
     fn tell(&mut self, text: &str) {

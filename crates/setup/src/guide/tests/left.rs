@@ -136,7 +136,7 @@ fn drives_that_lost_their_supply_while_the_set_up_was_left_are_as_stored() {
     let switch = |fault: Fault| (0..3).for_each(|position| injector.inject(position, fault.clone()));
     switch(Fault::PowerOff);
     (0..2).for_each(|position| injector.inject(position, Fault::PowerOn));
-    let mut hand = Notes::new(|_| None);
+    let mut hand = Notes::new(|_| Some("remember"));
     with_record(BASE, record.clone(), &mut open, &mut hand, |guide| {
         let ended = guide.run();
         assert!(matches!(ended, Err(SetupError::TooFewDrives { wheels: 3, drives: 2 })), "{ended:?}");
@@ -144,7 +144,7 @@ fn drives_that_lost_their_supply_while_the_set_up_was_left_are_as_stored() {
         record = guide.record.clone();
     });
     injector.inject(2, Fault::PowerOn);
-    assert_eq!(hand.asked, [] as [&str; 0]);
+    assert_eq!(hand.asked, ["gone for good"]);
     with_record(BASE, record, &mut open, &mut hand, |guide| {
         assert_eq!(guide.run().unwrap(), Ended::Left(None));
         assert_eq!((guide.record.jogged.len(), guide.record.findings.len()), (0, 0), "{:?}", guide.record);
@@ -321,7 +321,7 @@ fn who_is_limited_as_by_a_jog_is_told() {
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     by_tool(&link, &clock).sdo_write(1, TORQUE, &100_u16.to_le_bytes()).unwrap();
     with_found(BASE, &mut open, &mut Nobody, |guide| {
-        let words = "SubDevice 1: its max torque (6072) is 100 ‰ of the rated, as a jog writes it";
+        let words = "SubDevice 1: its max torque (6072) is 100 per mille of the rated, which a jog may have";
         assert!(guide.record.findings.len() == 1 && guide.record.findings[0].starts_with(words));
         by_tool(&link, &clock).sdo_write(1, TORQUE, &200_u16.to_le_bytes()).unwrap();
         guide.compare().unwrap();
@@ -347,15 +347,23 @@ fn what_a_jog_left_in_a_drive_is_not_stored() {
         let Record { findings, log, .. } = &guide.record;
         let stored: Vec<&String> = log.iter().filter(|line| line.contains(": stored (0x1010)")).collect();
         assert_eq!(stored, ["wheel_2: stored (0x1010)", "wheel_3: stored (0x1010)"], "{findings:?}");
-        assert!(findings.join("\n").contains("wheel_1: not stored: 6072:00 is 0, as a jog"), "{findings:?}");
+        assert!(
+            findings
+                .join("\n")
+                .contains("wheel_1: not stored: its max torque (6072) is as a jog may leave it"),
+            "{findings:?}"
+        );
         // Nor where its limit is its own by somebody's word; nor what a jog wrote over and nobody put back.
         let mut bus = guide.bus().unwrap();
-        let limit = guide.wished.torque_per_mille.to_le_bytes();
-        bus.sdo_write(0, torque, &limit).unwrap();
-        assert!(guide.left_by_jog(&mut bus, 0).unwrap().starts_with("6072:00 is 100, as a jog"));
-        guide.record.jogged = vec![guide.record.drives[1].clone()];
-        assert!(guide.left_by_jog(&mut bus, 1).unwrap().starts_with("it holds what a jog wrote"));
-        assert_eq!(guide.left_by_jog(&mut bus, 2), None);
+        let drives = guide.record.drives.clone();
+        bus.sdo_write(0, torque, &MOST_PER_MILLE.to_le_bytes()).unwrap();
+        assert!(guide.left_by_jog(&mut bus, &drives[0]).unwrap().starts_with("its max torque (6072) is as"));
+        guide.record.jogged = vec![drives[1].clone()];
+        assert!(guide.left_by_jog(&mut bus, &drives[1]).unwrap().starts_with("it holds what a jog wrote"));
+        // One that is gone was at the place of another one.
+        guide.record.jogged[0] = FoundDrive { serial: 12_345, ..drives[2].clone() };
+        assert_eq!(guide.left_by_jog(&mut bus, &drives[2]), None);
+        assert_eq!(guide.record.passed_over_of(Step::Parameters).unwrap(), "parameters of wheel_1");
     });
 }
 

@@ -41,7 +41,7 @@ impl Hand for Scripted<'_> {
 }
 
 fn said(text: &str) -> Answer {
-    Answer::Said(text.to_owned())
+    Answer::Text(text.to_owned())
 }
 
 /// The base's robot, its supply and cables in a hand.

@@ -14,7 +14,7 @@ struct Offered {
 impl Hand for Offered {
     fn ask(&mut self, question: &Question) -> Answer {
         self.asked.push(question.id.clone());
-        Answer::Said((self.says)(&question.id).to_owned())
+        Answer::Text((self.says)(&question.id).to_owned())
     }
 
     fn tell(&mut self, _: &str) {}

@@ -124,7 +124,7 @@ struct Roles(&'static str);
 
 impl Hand for Roles {
     fn ask(&mut self, question: &Question) -> Answer {
-        Answer::Said(if question.id == "role 0" { self.0 } else { "wheel" }.to_owned())
+        Answer::Text(if question.id == "role 0" { self.0 } else { "wheel" }.to_owned())
     }
 
     fn tell(&mut self, _: &str) {}

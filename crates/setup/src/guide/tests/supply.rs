@@ -26,7 +26,7 @@ impl Hand for Switches<'_> {
             "stopped" => "yes",
             other => panic!("{other}"),
         };
-        Answer::Said(said.to_owned())
+        Answer::Text(said.to_owned())
     }
 
     fn tell(&mut self, _: &str) {}
