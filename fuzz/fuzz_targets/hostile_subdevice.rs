@@ -8,7 +8,7 @@ use std::sync::OnceLock;
 use std::time::Duration;
 
 use libfuzzer_sys::fuzz_target;
-use omnibase_ethercat::cyclic::{ClockDirection, Goal, TransitionStatus, TransitionOptions};
+use omnibase_ethercat::cyclic::{ClockDirection, Goal, TransitionOptions, TransitionStatus};
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::frame::{DATAGRAM_HEADER, Datagrams};

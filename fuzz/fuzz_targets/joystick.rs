@@ -2,7 +2,7 @@
 #![no_main]
 
 use libfuzzer_sys::fuzz_target;
-use omnibase_joystick::{Device, Finder, Hold, Map, Port, Recorded, Joystick};
+use omnibase_joystick::{Device, Finder, Hold, Joystick, Map, Port, Recorded};
 use omnibase_robot::config::JoystickTable;
 
 const AGE_NS: u64 = 200_000_000;

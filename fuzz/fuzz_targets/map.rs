@@ -27,10 +27,21 @@ fuzz_target!(|bytes: &[u8]| {
     };
     let (from, to) = (corner(0, 0), corner(map.width - 1, map.height - 1));
     let half = 0.4 * cell_m;
-    let Ok(footprint) = Footprint::new(vec![[-half, -half], [half, -half], [half, half], [-half, half]]) else { return };
+    let Ok(footprint) = Footprint::new(vec![[-half, -half], [half, -half], [half, half], [-half, half]])
+    else {
+        return;
+    };
     let space = Space::new(map);
     for cost in [Cost::Shortest, Cost::Ridge] {
-        let task = Task { space: &space, footprint: &footprint, from, to, clearance_m: 0.05 * cell_m, cost, until: Until::default() };
+        let task = Task {
+            space: &space,
+            footprint: &footprint,
+            from,
+            to,
+            clearance_m: 0.05 * cell_m,
+            cost,
+            until: Until::default(),
+        };
         if let Ok(way) = plan(&task) {
             assert!(way.length_m.is_finite() && way.poses.iter().all(|pose| pose.is_finite()));
         }

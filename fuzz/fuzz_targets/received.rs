@@ -35,18 +35,24 @@ fuzz_target!(|bytes: &[u8]| {
     info.extend(1_000_000_000_u64.to_le_bytes());
     info.extend([0; 7]);
     talk.take(&info, SERVER, 0).expect("a server");
-    let mut hearing = DatagramHearing::new(&DatagramPlan { address: (SERVER, 8500).into(), peer: IpAddr::V4(SERVER) });
+    let mut hearing =
+        DatagramHearing::new(&DatagramPlan { address: (SERVER, 8500).into(), peer: IpAddr::V4(SERVER) });
     let mut now_ns = 0;
     // Messages one after the other, each behind its length.
     let mut left = rest;
     while let Some(([low, high], behind)) = left.split_first_chunk::<2>() {
-        let (message, after) = behind.split_at(behind.len().min(usize::from(u16::from_le_bytes([*low, *high]))));
+        let (message, after) =
+            behind.split_at(behind.len().min(usize::from(u16::from_le_bytes([*low, *high]))));
         left = after;
         now_ns += STEP_NS;
         if let Ok(taken) = hearing.take(message, IpAddr::V4(SERVER), now_ns) {
             is_sound(&taken.heard, now_ns);
         }
-        let headed = [message.get(..2).unwrap_or(&[7, 0]), &(message.len().saturating_sub(2) as u16).to_le_bytes(), message.get(2..).unwrap_or_default()];
+        let headed = [
+            message.get(..2).unwrap_or(&[7, 0]),
+            &(message.len().saturating_sub(2) as u16).to_le_bytes(),
+            message.get(2..).unwrap_or_default(),
+        ];
         if let Ok(Outcome::Pose(heard, _)) = talk.take(&headed.concat(), SERVER, now_ns) {
             is_sound(&heard, now_ns);
         }

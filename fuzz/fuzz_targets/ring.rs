@@ -94,14 +94,14 @@ fn frame(number: u8) -> Vec<u8> {
 
 /// How a copy comes back.
 #[derive(Clone, Copy, Debug, PartialEq)]
-enum Way {
+enum Passage {
     Lost,
     Turned,
     Through,
     Twice,
 }
 
-const WAYS: [Way; 4] = [Way::Lost, Way::Turned, Way::Through, Way::Twice];
+const WAYS: [Passage; 4] = [Passage::Lost, Passage::Turned, Passage::Through, Passage::Twice];
 
 fuzz_target!(|bytes: &[u8]| {
     let mut bytes = bytes;
@@ -118,13 +118,13 @@ fuzz_target!(|bytes: &[u8]| {
         for (copy, end) in ends.iter().enumerate() {
             let Some(frame) = end.sent.borrow_mut().pop() else { continue };
             let at = match ways[copy] {
-                Way::Lost => continue,
-                Way::Turned => copy,
-                Way::Through | Way::Twice => 1 - copy,
+                Passage::Lost => continue,
+                Passage::Turned => copy,
+                Passage::Through | Passage::Twice => 1 - copy,
             };
             let Some((frame, is_true)) = returned(frame, &mut bytes) else { return };
             ends[at].coming.borrow_mut().push_back(frame.clone());
-            if ways[copy] == Way::Twice {
+            if ways[copy] == Passage::Twice {
                 ends[at].coming.borrow_mut().push_back(frame.clone());
             }
             copies.push((frame, is_true));
@@ -134,7 +134,7 @@ fuzz_target!(|bytes: &[u8]| {
         while let Some(length) = link.receive(&mut buffer, deadline).unwrap() {
             answers.push(buffer[..length].to_vec());
         }
-        let are_true = copies.iter().all(|(_, is_true)| *is_true) && !ways.contains(&Way::Twice);
+        let are_true = copies.iter().all(|(_, is_true)| *is_true) && !ways.contains(&Passage::Twice);
         let [(first, _), (second, _)] = &copies[..] else { continue };
         if !are_true {
             continue;
@@ -149,11 +149,11 @@ fuzz_target!(|bytes: &[u8]| {
         // The second datagram is the broadcast that counts who is there.
         let before = u16::from(first[places[1]]);
         match (ways, link.ring()) {
-            ([Way::Through, Way::Through], Some(RingState::Whole)) => {}
-            ([Way::Turned, Way::Turned], Some(RingState::Broken { before: told, behind })) => {
+            ([Passage::Through, Passage::Through], Some(RingState::Whole)) => {}
+            ([Passage::Turned, Passage::Turned], Some(RingState::Broken { before: told, behind })) => {
                 assert!(told == before && behind >= before, "{told} and {behind}, {before} answered");
             }
-            ([Way::Turned, Way::Through] | [Way::Through, Way::Turned], Some(_)) => {}
+            ([Passage::Turned, Passage::Through] | [Passage::Through, Passage::Turned], Some(_)) => {}
             (ways, state) => panic!("{ways:?} and {state:?}"),
         }
     }

@@ -15,7 +15,7 @@ use crate::chain::Shared;
 use crate::creep::{self, Tread};
 use crate::dataset::{Dataset, DatasetError, Run};
 use crate::unknown::{Asked, Unknown, build_at, moved_frame};
-use crate::way::{Steps, Way};
+use crate::way::{Displacement, Steps};
 use factors::{Knots, Linear, Turned};
 
 /// Steps at most: poses that count for less let each step take away but a share of what is left.
@@ -194,7 +194,7 @@ struct Stride {
 /// A state with everything about it to first order.
 struct Moment {
     linear: Linear,
-    ways: Vec<Vec<Way>>,
+    ways: Vec<Vec<Displacement>>,
 }
 
 /// Finds what a platform is really like, from what is expected of it and how well.
@@ -297,11 +297,11 @@ impl<'a> Problem<'a> {
             .runs
             .iter()
             .map(|run| steps.ways(run.run, &run.treads, &run.knots.instants_s(build.sensor.delay_s)));
-        let ways: Vec<Vec<Way>> = ways.collect();
+        let ways: Vec<Vec<Displacement>> = ways.collect();
         Ok(Moment { linear: self.linear(state, &build, &ways), ways })
     }
 
-    fn linear(&self, state: &State, build: &Build, ways: &[Vec<Way>]) -> Linear {
+    fn linear(&self, state: &State, build: &Build, ways: &[Vec<Displacement>]) -> Linear {
         let count = self.unknowns.len();
         let mut linear =
             Linear::new(Shared { matrix: DMatrix::zeros(count, count), right: DVector::zeros(count) });
@@ -327,7 +327,7 @@ impl<'a> Problem<'a> {
 
     /// How uneven the floor is: that with which all measurements are likeliest, whatever poses and unknowns are (their marginal
     /// likelihood, by Laplace: exact where all is linear).
-    fn likeliest_floor(&self, state: &State, ways: &[Vec<Way>]) -> Result<f64, SolveError> {
+    fn likeliest_floor(&self, state: &State, ways: &[Vec<Displacement>]) -> Result<f64, SolveError> {
         let build = build_at(self.expected, &self.unknowns, &state.amounts);
         let unlikely = |log: f64| -> Result<f64, SolveError> {
             let linear = self.linear(&State { unevenness: log.exp(), ..state.clone() }, &build, ways);

@@ -47,7 +47,7 @@ struct Stepped {
 type Part<'a> = (&'a PerWheel, &'a Tread, f64);
 
 /// The way from one instant to another.
-pub(crate) struct Way {
+pub(crate) struct Displacement {
     /// Its end, seen from its beginning.
     pub(crate) moved: Pose2,
     /// Its end's change in its own axes by one of each unknown that changes it, with the unknown's place.
@@ -149,7 +149,7 @@ impl Steps {
     }
 
     /// The ways between instants that don't run back; what lies beyond the run's steps stands still.
-    pub(crate) fn ways(&self, run: &Run, treads: &[Tread], instants_s: &[f64]) -> Vec<Way> {
+    pub(crate) fn ways(&self, run: &Run, treads: &[Tread], instants_s: &[f64]) -> Vec<Displacement> {
         let mut ways = Vec::with_capacity(instants_s.len().saturating_sub(1));
         let mut cursor = Cursor { run, at: 0, from_s: run.begin_s };
         if let Some(first_s) = instants_s.first() {
@@ -166,8 +166,8 @@ impl Steps {
         ways
     }
 
-    fn way(&self, treads: &[Tread], cursor: &mut Cursor<'_>, to_s: f64) -> Way {
-        let mut way = Way {
+    fn way(&self, treads: &[Tread], cursor: &mut Cursor<'_>, to_s: f64) -> Displacement {
+        let mut way = Displacement {
             moved: Pose2::default(),
             per_unknown: self.changes.iter().map(|(place, _)| (*place, Vector3::zeros())).collect(),
             length_m: 0.0,
@@ -190,7 +190,7 @@ impl Steps {
     }
 
     /// A longer delay puts both ends earlier.
-    fn with_delay(&self, mut way: Way, start: Vector3<f64>, end: Vector3<f64>) -> Way {
+    fn with_delay(&self, mut way: Displacement, start: Vector3<f64>, end: Vector3<f64>) -> Displacement {
         if let Some(place) = self.delay {
             way.per_unknown.push((place, carried_back(way.moved) * start - end));
         }

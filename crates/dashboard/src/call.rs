@@ -5,7 +5,7 @@ mod words;
 use std::collections::BTreeMap;
 
 use omnibase_robot::config::{AxisMode, BestWay, DriveMode, StopName};
-use omnibase_robot::signals::{Frame, StopCategory};
+use omnibase_robot::signals::Frame;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -431,15 +431,6 @@ impl CallResult {
 
     pub(crate) fn not_done(text: impl Into<String>) -> Self {
         CallResult { done: false, text: text.into(), data: None }
-    }
-}
-
-/// The category of a name.
-pub(crate) fn category(name: StopName) -> StopCategory {
-    match name {
-        StopName::Category0 => StopCategory::RemoveTorque,
-        StopName::Category1 => StopCategory::RampThenRemove,
-        StopName::Category2 => StopCategory::RampAndHold,
     }
 }
 

@@ -18,7 +18,7 @@ use omnibase_trajectory::PathPoints;
 use omnibase_trajectory::path_points::nearest_turn_rad;
 
 use crate::bus::{BusCall, NewValue};
-use crate::call::{Call, CallResult, category, unknown};
+use crate::call::{Call, CallResult, unknown};
 use crate::drive_to::DriveTo;
 use crate::planned::{Drawn, Planned};
 use crate::robot_info::RobotInfo;
@@ -121,7 +121,7 @@ impl CallHandler {
                 })
             }
             Call::GoToStart => robot(RequestKind::GoTo { odom_from_body: self.start()? }),
-            Call::Stop { category: name } => robot(RequestKind::Stop(category(name))),
+            Call::Stop { category: name } => robot(RequestKind::Stop(name.into())),
             Call::EndMotion => Ask::EndMotion,
             Call::EmergencyStop => Ask::EmergencyStop,
             Call::Release => Ask::ReleaseEmergencyStop,

@@ -146,7 +146,7 @@ impl MovesNow {
 /// What a page says.
 #[derive(Debug, Deserialize)]
 #[serde(untagged, deny_unknown_fields)]
-enum Said {
+enum PageMessage {
     Answer { question: u64, answer: String },
     Beat { beat: u64, stamp: u64 },
     LetGo { let_go: bool },
@@ -369,8 +369,8 @@ impl Page<'_> {
             return Counters::count(&self.common.gate.counters.malformed);
         };
         match said {
-            Said::Answer { question, answer } => self.common.hears.answer(question, answer),
-            Said::Beat { beat, stamp } => {
+            PageMessage::Answer { question, answer } => self.common.hears.answer(question, answer),
+            PageMessage::Beat { beat, stamp } => {
                 let now_ms = self.now_ms();
                 self.delay_ms = now_ms.checked_sub(stamp);
                 if !is_in_time(now_ms, stamp) {
@@ -380,9 +380,9 @@ impl Page<'_> {
                     self.common.hears.beat(beat);
                 }
             }
-            Said::LetGo { let_go } if let_go => self.let_go(),
-            Said::Leave { leave } if leave => self.common.hears.leave(),
-            Said::LetGo { .. } | Said::Leave { .. } => {}
+            PageMessage::LetGo { let_go } if let_go => self.let_go(),
+            PageMessage::Leave { leave } if leave => self.common.hears.leave(),
+            PageMessage::LetGo { .. } | PageMessage::Leave { .. } => {}
         }
     }
 }
@@ -475,10 +475,10 @@ mod tests {
             r#"{"let_go":true}"#,
             r#"{"leave":true}"#,
         ] {
-            assert!(serde_json::from_str::<Said>(text).is_ok(), "{text}");
+            assert!(serde_json::from_str::<PageMessage>(text).is_ok(), "{text}");
         }
         for text in ["{}", "[]", r#"{"beat":2}"#, r#"{"beat":-1,"stamp":0}"#, r#"{"leave":true,"more":1}"#] {
-            assert!(serde_json::from_str::<Said>(text).is_err(), "{text}");
+            assert!(serde_json::from_str::<PageMessage>(text).is_err(), "{text}");
         }
     }
 }

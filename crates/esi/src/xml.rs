@@ -144,12 +144,12 @@ impl Lines {
 /// How far a document was read.
 pub(crate) struct Reading {
     lines: Lines,
-    nodes: RefCell<Vec<Seen>>,
+    nodes: RefCell<Vec<ReadMarks>>,
 }
 
 /// What was read of one node.
 #[derive(Clone, Copy, Default)]
-struct Seen {
+struct ReadMarks {
     /// Its text, its elements or one of its attributes was asked for, or that it is there.
     is_read: bool,
     /// Its text was asked for.
@@ -164,16 +164,16 @@ impl Reading {
     /// Nothing was read yet of a document and its text.
     pub fn of(document: &Document<'_>, text: &str) -> Self {
         let nodes = document.descendants().count();
-        Reading { lines: Lines::of(text), nodes: RefCell::new(vec![Seen::default(); nodes]) }
+        Reading { lines: Lines::of(text), nodes: RefCell::new(vec![ReadMarks::default(); nodes]) }
     }
 
-    fn mark(&self, node: Node, mark: impl FnOnce(&mut Seen)) {
+    fn mark(&self, node: Node, mark: impl FnOnce(&mut ReadMarks)) {
         if let Some(seen) = self.nodes.borrow_mut().get_mut(node.id().get_usize()) {
             mark(seen);
         }
     }
 
-    fn seen(&self, node: Node) -> Seen {
+    fn seen(&self, node: Node) -> ReadMarks {
         self.nodes.borrow().get(node.id().get_usize()).copied().unwrap_or_default()
     }
 

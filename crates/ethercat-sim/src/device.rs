@@ -6,6 +6,7 @@ pub mod esi;
 pub mod generic;
 mod image;
 pub mod panel;
+pub mod parameters;
 pub mod servo;
 pub mod simple;
 

@@ -160,3 +160,21 @@ pub mod al_event {
         1 << (8 + n)
     }
 }
+
+/// Register 0x092C: magnitude, and bit 31 as the sign (set: the local clock is behind).
+pub fn signed_difference(value: u32) -> i32 {
+    let magnitude = (value & 0x7FFF_FFFF) as i32;
+    if value >> 31 != 0 { -magnitude } else { magnitude }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bit_31_of_the_time_difference_is_its_sign() {
+        assert_eq!(signed_difference(0x0000_0010), 16);
+        assert_eq!(signed_difference(0x8000_0010), -16);
+        assert_eq!(signed_difference(0x8000_0000), 0);
+    }
+}

@@ -1,12 +1,11 @@
 //! Modular devices (ETG.5001): the modules that are plugged in, against those for which the device is configured.
 
 use alloc::vec::Vec;
-use core::fmt;
 
 use crate::bus::Bus;
 use crate::error::SetUpError;
 use crate::mailbox::{MailboxError, SdoAccess};
-use crate::start_up::StartUpStep;
+use crate::start_up::{SlotMismatch, StartUpStep};
 use crate::wire::coe::ObjectAddress;
 use crate::wire::{Clock, Link};
 
@@ -35,38 +34,6 @@ impl Modules {
             return Vec::new();
         }
         mismatches(&self.configured, &self.detected).collect()
-    }
-}
-
-/// A slot with another module than is expected there; ident 0 is none at all.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SlotMismatch {
-    /// The slot, from 1.
-    pub slot: usize,
-    /// Ident of the module that is expected (0xF030).
-    pub expected: u32,
-    /// Ident of the module that is there (0xF050).
-    pub detected: u32,
-}
-
-impl fmt::Display for SlotMismatch {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let SlotMismatch { slot, expected, detected } = self;
-        match (expected, detected) {
-            (_, 0) => write!(
-                f,
-                "slot {slot} is empty, module 0x{expected:08x} is expected there: plug it in, or take it out of the list (0xF030)"
-            ),
-            (0, _) => write!(
-                f,
-                "slot {slot} holds module 0x{detected:08x}, none is expected there: take it out, or put it into the list (0xF030)"
-            ),
-            _ => write!(
-                f,
-                "slot {slot} holds module 0x{detected:08x}, 0x{expected:08x} is expected there: plug that in, or put the one that \
-                 is there into the list (0xF030)"
-            ),
-        }
     }
 }
 

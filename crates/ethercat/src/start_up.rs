@@ -9,7 +9,7 @@ use alloc::sync::Arc;
 use alloc::vec::Vec;
 use core::time::Duration;
 
-pub use failure::{ObjectBytes, ProgrammedRegisters, StartUpError, StartUpFailure};
+pub use failure::{ObjectBytes, ProgrammedRegisters, SlotMismatch, StartUpError, StartUpFailure};
 pub use runner::StartUpRunner;
 
 pub use crate::mailbox::SdoAccess;

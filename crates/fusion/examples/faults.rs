@@ -20,10 +20,10 @@ mod followed;
 #[path = "../tests/filter/world.rs"]
 mod world;
 
-use faulty::{FAULTS, Fault, Outcome, Way, companies, drive_for};
+use faulty::{DriveProfile, FAULTS, Fault, Outcome, companies, drive_for};
 
 /// How long worlds last that nobody steers, and those of robots that follow a way, s.
-const WAYS: [(f64, Way); 2] = [(8.0, Way::Wanders), (20.0, Way::Followed)];
+const WAYS: [(f64, DriveProfile); 2] = [(8.0, DriveProfile::Wanders), (20.0, DriveProfile::Followed)];
 
 fn main() {
     let worlds: u64 = std::env::args().nth(1).map_or(20, |text| text.parse().expect("how many worlds"));
@@ -36,8 +36,8 @@ fn main() {
             "{worlds} worlds of {time_s} s, {way:?}; the first sensor of each company fails after 5 s\n"
         );
         let last = match way {
-            Way::Wanders => "its clock shown to ms |\n|---|",
-            Way::Followed => "led off mm | stood |\n|---|---|",
+            DriveProfile::Wanders => "its clock shown to ms |\n|---|",
+            DriveProfile::Followed => "led off mm | stood |\n|---|---|",
         };
         println!(
             "| sensor, company | fault | named after s | as | unnamed | others named | outside % | NEES | truth within σ | {last}---|---|---|---|---|---|---|---|---|"
@@ -64,7 +64,7 @@ fn name_of(fault: Option<Fault>) -> String {
     fault.map_or("none".to_owned(), |fault| format!("{fault:?}"))
 }
 
-fn row(way: Way, all: &[Outcome]) -> String {
+fn row(way: DriveProfile, all: &[Outcome]) -> String {
     let named = all.iter().filter_map(|one| one.named);
     let latest_s = named.clone().map(|(after_s, _)| after_s).fold(0.0, f64::max);
     let mut verdicts: Vec<String> = named.map(|(_, verdict)| format!("{verdict:?}")).collect();
@@ -74,14 +74,14 @@ fn row(way: Way, all: &[Outcome]) -> String {
     let most = |of: fn(&Outcome) -> f64| all.iter().map(of).fold(0.0, f64::max);
     let mean = |of: fn(&Outcome) -> f64| all.iter().map(of).sum::<f64>() / all.len() as f64;
     let last = match way {
-        Way::Wanders => {
+        DriveProfile::Wanders => {
             let shown: Vec<f64> = all.iter().filter_map(|one| one.shown_s).collect();
             match shown.iter().sum::<f64>() / shown.len() as f64 {
                 mean_s if mean_s.is_finite() => format!("{:.0}", 1e3 * mean_s),
                 _ => String::new(),
             }
         }
-        Way::Followed => format!("{:.0} | {}", 1e3 * most(|one| one.led_m), count(|one| one.stood)),
+        DriveProfile::Followed => format!("{:.0} | {}", 1e3 * most(|one| one.led_m), count(|one| one.stood)),
     };
     format!(
         "{latest_s:.3} | {} | {} | {} | {:.2} | {:.2} | {:.2} | {last}",

@@ -4,8 +4,8 @@ use std::sync::LazyLock;
 
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_record::run::{RunSchema, fits};
-use omnibase_robot::config::nearest;
-use omnibase_robot::signals::{Frame, Phase, RequestAnswer, StopCategory};
+use omnibase_robot::config::{StopName, choice_names, nearest};
+use omnibase_robot::signals::{Frame, Phase, RequestAnswer};
 use omnibase_robot::{Registry, Request, RequestKind, RobotPlan};
 use omnibase_run::live::Answer;
 use omnibase_run::stepped::{Leader, Stepped};
@@ -152,17 +152,11 @@ impl Simulated {
 
     /// A stop, by its category of IEC 60204-1.
     pub fn stop(&mut self, category: &str) -> Result<(), Failure> {
-        let category = match category {
-            "category_0" => StopCategory::RemoveTorque,
-            "category_1" => StopCategory::RampThenRemove,
-            "category_2" => StopCategory::RampAndHold,
-            _ => {
-                let words =
-                    format!("stop: expected category_0, category_1 or category_2, found `{category}`");
-                return Err(Failure::Broken(words));
-            }
+        let Ok(name) = serde_json::from_value::<StopName>(category.into()) else {
+            let names = choice_names::<StopName>().join(", ");
+            return Err(Failure::Broken(format!("stop: expected one of {names}, found `{category}`")));
         };
-        self.ask("stop", RequestKind::Stop(category))
+        self.ask("stop", RequestKind::Stop(name.into()))
     }
 
     /// What it does.

@@ -13,7 +13,7 @@ pub enum Tells {
     /// That, and how it is accelerated along its own axes, m/s².
     Inertia,
     /// How far it went since it was switched on, along its own axes, m.
-    Way,
+    Flow,
     /// Its speed along its own axes, m/s, and how fast it turns, rad/s.
     Twist,
     /// Its own pose in the fixed frame.
@@ -150,7 +150,7 @@ impl SimulatedSensor {
                 [scale * twist.w_rad_s + self.bias_rad_s + p.turn_noise * noise[0], told(0), told(1)]
             }
             // Its noise is that of each step: the way wanders off by it.
-            Tells::Way => {
+            Tells::Flow => {
                 let noise_m = if self.is_lifted { 0.0 } else { p.noise * p.period_ns as f64 * 1e-9 };
                 for (way_m, noise) in self.way_m.iter_mut().zip(noise) {
                     *way_m += noise_m * noise;
@@ -240,7 +240,7 @@ mod tests {
     use super::*;
 
     const PERFECT: SensorParameters = SensorParameters {
-        tells: Tells::Way,
+        tells: Tells::Flow,
         mount: Pose { x_m: 0.2, y_m: -0.1, heading_rad: 0.7 },
         period_ns: 1_000_000,
         noise: 0.0,

@@ -166,8 +166,7 @@ impl Check {
         let signals = beside.as_ref().map(|(devices, sources)| signal_layout(devices, sources));
         let is_known = signals.is_some();
         let signals = signals.unwrap_or_default();
-        let estimator = registry.estimators.find(file.estimator.kind.as_deref()).map(|(kind, _)| kind.name);
-        let sensors = sensors::resolve(self, &file.sensor, estimator.ok(), is_known.then_some(&signals));
+        let sensors = sensors::resolve(self, &file.sensor, is_known.then_some(&signals));
         let named = beside.as_ref().map_or(&[][..], |(devices, _)| devices);
         sensors::simulated(self, &file.simulation.sensor, sensors.as_deref().unwrap_or_default(), named);
         devices::room(self, &signals);
@@ -376,8 +375,14 @@ impl Check {
         if self.is_sound("drive") && self.is_sound("drive_defaults") {
             self.made(registry.make_devices(plan));
         }
-        if self.is_sound("estimator") {
-            self.made(registry.make_estimator(plan));
+        if self.is_sound("estimator")
+            && let Some(estimator) = self.made(registry.make_estimator(plan))
+            && !estimator.hears_sensors()
+            && !plan.sensors.is_empty()
+        {
+            let reason = "the wheels alone tell it where the platform is: nobody would hear the sensors";
+            let problem = self.report(ProblemKind::Contradiction, "sensor", reason);
+            problem.limit = Some("estimator.kind = \"fused\", or no `[[sensor]]`".into());
         }
         if self.is_sound("controller")
             && let Some(controllers) = self.made(registry.make_controllers(plan))

@@ -124,6 +124,10 @@ impl WheelOdometry {
 }
 
 impl Estimator for WheelOdometry {
+    fn hears_sensors(&self) -> bool {
+        false
+    }
+
     fn reset(&mut self, from: &PlatformState) {
         let Pose2 { x_m, y_m, heading_rad } = from.odom_from_body;
         self.odometry.resync();

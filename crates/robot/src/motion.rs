@@ -23,7 +23,7 @@ use foothold::{Foothold, LEAST_RATE, limits_of_rate, rate_limits};
 pub(crate) use headway::is_there;
 use headway::{Headway, PlanStep};
 use room::{Ahead, LOOK_STEP_S, RoomHad};
-use way::{Then, Way};
+use way::{PlannedMotion, Then};
 
 /// A setpoint whose speed is nearer to its wish than this goes with it, m/s and rad/s.
 const WITH_PLAN: f64 = 0.02;
@@ -44,9 +44,9 @@ pub(crate) struct Motion {
     laid_from: Pose2,
     course: Course,
     velocity: Option<Request>,
-    way: Way,
+    way: PlannedMotion,
     /// One that is planned, and gone only where it can be.
-    tried: Way,
+    tried: PlannedMotion,
     /// Fence or obstacles changed the last wish; and one since the plan began, or the platform left it.
     is_hindered: bool,
     was_hindered: bool,
@@ -130,8 +130,8 @@ impl Motion {
             laid_from: Pose2::default(),
             course: Course::Reference,
             velocity: None,
-            way: Way::default(),
-            tried: Way::default(),
+            way: PlannedMotion::default(),
+            tried: PlannedMotion::default(),
             is_hindered: false,
             was_hindered: false,
             catch_up: CatchUp::default(),

@@ -177,6 +177,11 @@ pub trait Estimator: Send {
     /// The platform's state now.
     fn update(&mut self, observation: &Observation<'_>) -> PlatformState;
 
+    /// Whether sensors of the file tell it anything.
+    fn hears_sensors(&self) -> bool {
+        true
+    }
+
     /// Whether it has a source beside the wheels, and says itself by [`PlatformState::pose_known`] when that told the
     /// pose again. Without one the pose is unknown from where wheels rolled unread until somebody sets it.
     fn sees_beyond_wheels(&self) -> bool {

@@ -22,7 +22,7 @@ use crate::reach::{AccelerationBounds, Reached, Unreachable};
 use crate::trajectory::{LONGEST_S, Setpoint, Trajectory};
 use bounds::Warming;
 use grid::{Excess, Grid};
-use optimum::Seen;
+use optimum::Assessment;
 use smooth::{PARTS, Progress};
 
 /// A geometric path in the shortest time.
@@ -228,7 +228,7 @@ impl Start {
             let motion = FastestTrajectory::of(path, progress.clone());
             let mut paces = vec![1.0_f64; progress.piece_count()];
             motion.look(&looks, bounds, |piece, _, pace| paces[piece] = paces[piece].max(pace));
-            Seen {
+            Assessment {
                 paces,
                 squares: motion.warming(bounds, PARTS).map_or_else(Vec::new, |warming| warming.squares()),
             }

@@ -8,7 +8,7 @@ use crate::build::{Build, Tolerances};
 use crate::chain::{Chain, Shared};
 use crate::dataset::Run;
 use crate::unknown::Unknown;
-use crate::way::{Steps, Way, carried_back, small};
+use crate::way::{Displacement, Steps, carried_back, small};
 
 /// Poses closer together than this are left out, s.
 const LEAST_APART_S: f64 = 0.008;
@@ -199,7 +199,13 @@ impl Linear {
     }
 
     /// Adds a run; `ways` are those between its poses.
-    pub(crate) fn add(&mut self, prepared: &Prepared<'_>, poses: &[Pose2], ways: &[Way], view: &View<'_>) {
+    pub(crate) fn add(
+        &mut self,
+        prepared: &Prepared<'_>,
+        poses: &[Pose2],
+        ways: &[Displacement],
+        view: &View<'_>,
+    ) {
         let instants_s = prepared.knots.instants_s(view.build.sensor.delay_s);
         let mut chain = Chain::new(poses.len(), view.unknowns.len());
         let mut look = Look::default();
@@ -275,7 +281,7 @@ impl Linear {
 }
 
 /// From one pose to the next as the wheels say.
-fn by_wheels(way: &Way, [before, pose]: [Pose2; 2], view: &View<'_>) -> Residual {
+fn by_wheels(way: &Displacement, [before, pose]: [Pose2; 2], view: &View<'_>) -> Residual {
     let (tolerances, floor) = (view.tolerances, view.unevenness);
     let moved = before.inverse().then(pose);
     let error = small(way.moved.inverse().then(moved));

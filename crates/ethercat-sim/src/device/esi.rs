@@ -3,8 +3,8 @@
 use super::Piece;
 use super::axis::{Axis, Load, SingleAxis};
 use super::generic::{Generic, More};
+use super::parameters;
 use super::servo::{self, ServoConfig};
-use super::simple;
 use crate::SubDevice;
 use crate::dictionary::{Access, DataType, Entry, Object};
 use crate::firmware::PdoRules;
@@ -232,7 +232,7 @@ fn make_room(one: &Command, objects: &mut Vec<Object>) {
     };
     if command.complete_access {
         let address = ObjectAddress::new(command.index.index, command.subindex);
-        return simple::add_objects(objects, &simple::entries_of_whole(address, &command.data));
+        return parameters::add_objects(objects, &parameters::entries_of_whole(address, &command.data));
     }
     let bytes = command.data.len();
     let data_type = match bytes {

@@ -10,7 +10,6 @@ use core::ops::Range;
 use core::time::Duration;
 
 use super::sync::Sync0;
-use super::transition::signed_difference;
 use crate::config::{DcConfig, Match};
 use crate::eeprom::{SiiExtent, SiiReader};
 use crate::found::Target;
@@ -414,7 +413,7 @@ impl Procedure for Recovery {
                 self.stage = Stage::Find
             }
             Stage::Lock { good, since } if working_counter == 1 && data.len() >= 4 => {
-                let difference_ns = signed_difference(u32_at(data, 0));
+                let difference_ns = register::signed_difference(u32_at(data, 0));
                 let is_near = difference_ns.unsigned_abs() < LOCK_LIMIT_NS && self.seen.is_distributed;
                 *good = if is_near { *good + 1 } else { 0 };
                 let (good, after) = (*good, now - *since);

@@ -72,12 +72,6 @@ pub(super) struct Transition {
     first_error: Option<TransitionError>,
 }
 
-/// Register 0x092C: magnitude, and bit 31 as the sign (set: the local clock is behind).
-pub(super) fn signed_difference(value: u32) -> i32 {
-    let magnitude = (value & 0x7FFF_FFFF) as i32;
-    if value >> 31 != 0 { -magnitude } else { magnitude }
-}
-
 impl Transition {
     pub fn new(goal: Goal, options: TransitionOptions, members: &[Member], now: HostTime) -> Self {
         let step = match goal {
@@ -191,7 +185,7 @@ impl Transition {
             if let Some(failed) = refused(view, view.now - self.since) {
                 return self.fail(failed, view.now);
             }
-            let difference = |item: &Item| signed_difference(u32_at(&item.data, 0));
+            let difference = |item: &Item| register::signed_difference(u32_at(&item.data, 0));
             self.worst = view
                 .batch
                 .items()
@@ -452,17 +446,5 @@ fn programmed(member: &Member) -> Programmed {
         output_bytes: member.byte_length(Direction::Outputs),
         input_bytes: member.byte_length(Direction::Inputs),
         sync: member.sync,
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn bit_31_of_the_time_difference_is_its_sign() {
-        assert_eq!(signed_difference(0x0000_0010), 16);
-        assert_eq!(signed_difference(0x8000_0010), -16);
-        assert_eq!(signed_difference(0x8000_0000), 0);
     }
 }

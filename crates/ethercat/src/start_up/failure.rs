@@ -6,7 +6,6 @@ use core::fmt;
 
 use crate::found::Found;
 use crate::mailbox::{MailboxError, Operation};
-use crate::modules::SlotMismatch;
 use crate::state::StateError;
 use crate::wire::coe::ObjectAddress;
 
@@ -17,6 +16,38 @@ pub struct StartUpError {
     pub position: u16,
     /// Why.
     pub cause: StartUpFailure,
+}
+
+/// A slot with another module than is expected there; ident 0 is none at all.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct SlotMismatch {
+    /// The slot, from 1.
+    pub slot: usize,
+    /// Ident of the module that is expected (0xF030).
+    pub expected: u32,
+    /// Ident of the module that is there (0xF050).
+    pub detected: u32,
+}
+
+impl fmt::Display for SlotMismatch {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let SlotMismatch { slot, expected, detected } = self;
+        match (expected, detected) {
+            (_, 0) => write!(
+                f,
+                "slot {slot} is empty, module 0x{expected:08x} is expected there: plug it in, or take it out of the list (0xF030)"
+            ),
+            (0, _) => write!(
+                f,
+                "slot {slot} holds module 0x{detected:08x}, none is expected there: take it out, or put it into the list (0xF030)"
+            ),
+            _ => write!(
+                f,
+                "slot {slot} holds module 0x{detected:08x}, 0x{expected:08x} is expected there: plug that in, or put the one that \
+                 is there into the list (0xF030)"
+            ),
+        }
+    }
 }
 
 /// Registers as they were programmed.

@@ -1,7 +1,12 @@
 //! What is left after a time of what is forgotten by and by.
 
-use super::{SMOOTHED_S, flaws, lags};
+use super::SMOOTHED_S;
 use crate::belief::SLIP_TIME_S;
+
+/// The regression remembers so long, s.
+const LAGS_MEMORY_S: f64 = 0.2;
+/// What was seen of flaws is remembered so long, kind by kind, s. In even motion nothing is seen of a clock, but poses stay as wrong by it.
+const FLAWS_MEMORY_S: [f64; 3] = [1.0, 8.0, 20.0];
 
 /// The shares that are left after a time.
 #[derive(Clone, Copy, Debug, Default)]
@@ -24,8 +29,8 @@ impl Fading {
             time_s,
             slip: left(SLIP_TIME_S),
             smoothed: left(SMOOTHED_S),
-            lags: left(lags::MEMORY_S),
-            flaws: flaws::MEMORY_S.map(left),
+            lags: left(LAGS_MEMORY_S),
+            flaws: FLAWS_MEMORY_S.map(left),
         }
     }
 

@@ -16,8 +16,6 @@ use crate::standing::Verdict;
 const USUAL: [f64; 3] = [1.0 / (0.05 * 0.05), 1.0, 1.0 / (0.05 * 0.05)];
 /// So many times as great it is something else: a gyro that jumps isn't one whose clock is off by seconds.
 const MOST_USUAL: f64 = 4.0;
-/// What was seen of them is remembered so long, s. In even motion nothing is seen of a clock, but poses stay as wrong by it.
-pub(super) const MEMORY_S: [f64; 3] = [1.0, 8.0, 20.0];
 /// Clocks that are off by less are never named, s.
 const LEAST_OFF_S: f64 = 0.02;
 /// Shares of what is measured that are off by less are never named.

@@ -11,8 +11,6 @@ use crate::belief::SLIP;
 use crate::sensor::{Sensor, SensorKind};
 use crate::standing::Verdict;
 
-/// The regression remembers so long, s.
-pub(super) const MEMORY_S: f64 = 0.2;
 /// It tells nothing before so much was heard, s.
 const LEAST_S: f64 = 0.1;
 /// Clocks that are off by less are never named, s.

@@ -4,7 +4,9 @@ use omnibase_fusion::{Filter, Motion, Reading, Sensor, SensorKind, Verdict};
 
 use omnibase_platform::BodyStep;
 
-use crate::faulty::{Fault, Outcome, THREE_SIGMA, Way, camera, companies, drive, drive_for, every, imu};
+use crate::faulty::{
+    DriveProfile, Fault, Outcome, THREE_SIGMA, camera, companies, drive, drive_for, every, imu,
+};
 use crate::lively::Lively;
 use crate::world::{World, gyro, mouse, nees, settings, tracker};
 
@@ -89,7 +91,7 @@ fn named_in_even_motion(fault: Option<Fault>) -> Vec<(&'static str, Vec<Option<f
         |all: &[Sensor]| all[0].kind == SensorKind::Flow || all.len() > 1 && all[0].kind != SensorKind::Pose;
     let told = companies().into_iter().filter(|(_, all)| is_told(all));
     told.map(|(name, sensors)| {
-        let outcomes = (0..4).map(|seed| drive_for((10.0, Way::Wanders), &sensors, fault, seed));
+        let outcomes = (0..4).map(|seed| drive_for((10.0, DriveProfile::Wanders), &sensors, fault, seed));
         let named = outcomes.map(|outcome| {
             assert_eq!(outcome.other, None, "{name}, {fault:?}");
             outcome.named.map(|(after_s, _)| after_s)

@@ -2,10 +2,14 @@
 
 use omnibase_fusion::{SensorKind, Verdict};
 
-use crate::faulty::{FAULTS, Fault, OUTSIDE, Outcome, Way, companies, drive_for};
+use crate::faulty::{DriveProfile, FAULTS, Fault, OUTSIDE, Outcome, companies, drive_for};
 
 /// What becomes of a fault in each company and each of so many worlds.
-fn all(worlds: u64, way: (f64, Way), fault: Option<Fault>) -> Vec<(&'static str, SensorKind, Outcome)> {
+fn all(
+    worlds: u64,
+    way: (f64, DriveProfile),
+    fault: Option<Fault>,
+) -> Vec<(&'static str, SensorKind, Outcome)> {
     std::thread::scope(|scope| {
         let worlds = (0..worlds).map(|seed| {
             scope.spawn(move || {
@@ -26,7 +30,7 @@ fn mean(all: &[(&str, SensorKind, Outcome)], of: fn(&Outcome) -> f64) -> f64 {
 #[test]
 fn each_fault_of_each_kind_is_named_alone_and_in_company_and_the_truth_stays_where_it_is_said_to_be() {
     for fault in std::iter::once(None).chain(FAULTS.map(Some)) {
-        let outcomes = all(8, (8.0, Way::Wanders), fault);
+        let outcomes = all(8, (8.0, DriveProfile::Wanders), fault);
         for (name, kind, outcome) in &outcomes {
             assert_eq!(outcome.other, None, "{name}, {fault:?}: who is right is named");
             // A clock that is off is seen where what it tells changes: here of poses at once, of speeds in `clocks`.
@@ -59,7 +63,7 @@ fn each_fault_of_each_kind_is_named_alone_and_in_company_and_the_truth_stays_whe
 #[test]
 fn who_is_followed_by_a_control_law_leads_it_nowhere_when_it_lies_and_no_other_is_named() {
     for fault in std::iter::once(None).chain(FAULTS.map(Some)) {
-        let outcomes = all(2, (12.0, Way::Followed), fault);
+        let outcomes = all(2, (12.0, DriveProfile::Followed), fault);
         let is_clock = matches!(fault, Some(Fault::Early | Fault::Late));
         for (name, kind, outcome) in &outcomes {
             assert_eq!(outcome.other, None, "{name}, {fault:?}: who is right is named");

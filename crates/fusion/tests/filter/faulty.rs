@@ -85,7 +85,7 @@ pub struct Outcome {
 
 /// Who says where the platform goes.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Way {
+pub enum DriveProfile {
     /// Nobody who knows of the filter.
     Wanders,
     /// A control law, by what is believed.
@@ -123,11 +123,16 @@ fn broken(fault: Fault, reading: Reading, said: Reading) -> Reading {
 
 /// A world of 8 s; the first sensor fails after 5 s, or none.
 pub fn drive(sensors: &[Sensor], fault: Option<Fault>, seed: u64) -> Outcome {
-    drive_for((8.0, Way::Wanders), sensors, fault, seed)
+    drive_for((8.0, DriveProfile::Wanders), sensors, fault, seed)
 }
 
 /// The same in a world of so many seconds, on such a way.
-pub fn drive_for((time_s, way): (f64, Way), sensors: &[Sensor], fault: Option<Fault>, seed: u64) -> Outcome {
+pub fn drive_for(
+    (time_s, way): (f64, DriveProfile),
+    sensors: &[Sensor],
+    fault: Option<Fault>,
+    seed: u64,
+) -> Outcome {
     let mut world = World::new(seed, sensors);
     let mut filter = Filter::new(settings(), sensors);
     let begin_ns = world.now_ns + 5_000_000_000;
@@ -148,8 +153,8 @@ pub fn drive_for((time_s, way): (f64, Way), sensors: &[Sensor], fault: Option<Fa
     let mut weight_before = None;
     for cycle in 0..(1000.0 * time_s) as u64 {
         let motion = match way {
-            Way::Wanders => world.step(),
-            Way::Followed => {
+            DriveProfile::Wanders => world.step(),
+            DriveProfile::Followed => {
                 let (to, speed) = eight(1e-3 * cycle as f64);
                 outcome.stood |= is_lost(&filter) && fault.is_some() && world.now_ns >= begin_ns;
                 if !outcome.stood {

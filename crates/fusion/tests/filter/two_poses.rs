@@ -8,18 +8,18 @@ use crate::world::{World, error, nees, settings, tracker};
 
 /// What was seen of it.
 #[derive(Debug)]
-struct Seen {
+struct Watched {
     named: [bool; 2],
     off_m: f64,
     outside: f64,
 }
 
 /// Two trackers with so many milliseconds between readings, the wrong one of which says a place so far off.
-fn watched(every: [u64; 2], wrong: usize, off_m: f64, seed: u64) -> Seen {
+fn watched(every: [u64; 2], wrong: usize, off_m: f64, seed: u64) -> Watched {
     let sensors = [tracker(), tracker()];
     let mut world = World::new(seed, &sensors);
     let mut filter = Filter::new(settings(), &sensors);
-    let mut seen = Seen { named: [false; 2], off_m: 0.0, outside: 0.0 };
+    let mut seen = Watched { named: [false; 2], off_m: 0.0, outside: 0.0 };
     for cycle in 1..=15_000_u64 {
         let mut motion = world.step();
         motion.is_free = cycle < 2000;

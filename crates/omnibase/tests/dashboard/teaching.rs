@@ -4,6 +4,9 @@ use super::browser::Browser;
 use super::robot::Robot;
 use super::{DONE, Stick, browser, cycles_pass, drive, opened, press, until};
 
+/// No teaching is under way: another press would begin the next one.
+const ENDED: &str = "!document.getElementById('teach').textContent.startsWith('End')";
+
 /// Whether a motion that is asked for ends at this x: one whose page got no time for a while is stopped, as it shall be.
 fn goes(page: &mut Browser, robot: &Robot, how: &str, [x_m, within_m]: [f64; 2]) -> bool {
     press(page, how, DONE);
@@ -43,7 +46,7 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
     page.mouse("mouseReleased", stick);
     robot.wait("it rests", |robot| robot.read("now")["phase"] == "holding" && robot.speed_m_s() < 1e-3);
     let end_m = robot.value("state/pose_x_m");
-    press(&mut page, "#teach", "document.getElementById('said').textContent.startsWith('taught')");
+    press(&mut page, "#teach", ENDED);
     // Away from its start the path is refused, with a word.
     press(
         &mut page,
@@ -77,7 +80,9 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
         "#teach-point",
         "document.getElementById('teach').textContent === 'End and save (2 points)'",
     );
-    press(&mut page, "#teach", "document.getElementById('said').textContent.startsWith('taught 2 points')");
+    press(&mut page, "#teach", ENDED);
     page.wait("document.getElementById('teach-point').hidden");
+    let points = std::fs::read_to_string(robot.folder.path().join("path-2.dat")).unwrap();
+    assert_eq!(points.lines().filter(|line| !line.starts_with('#')).count(), 2, "{points}");
     robot.end();
 }

@@ -30,17 +30,14 @@ impl Check {
 
     /// What inputs lead to: a hold isn't enough, for it goes on with the next command.
     fn input_stop(&mut self, table: &SafetyTable) -> StopCategory {
-        match table.input_stop {
-            Some(StopName::Category0) => StopCategory::RemoveTorque,
-            Some(StopName::Category1) | None => StopCategory::RampThenRemove,
-            Some(StopName::Category2) => {
-                let reason = "a robot that an input stopped mustn't move with the next command";
-                let problem = self.report(ProblemKind::OutOfRange, "safety.input_stop", reason);
-                problem.value = Some("\"category_2\"".into());
-                problem.limit = Some("category_0, category_1".into());
-                StopCategory::RampThenRemove
-            }
+        let stop = table.input_stop.unwrap_or(StopName::Category1);
+        if stop == StopName::Category2 {
+            let reason = "a robot that an input stopped mustn't move with the next command";
+            let problem = self.report(ProblemKind::OutOfRange, "safety.input_stop", reason);
+            problem.value = Some("\"category_2\"".into());
+            problem.limit = Some("category_0, category_1".into());
         }
+        stop.into()
     }
 
     pub(super) fn safety(
@@ -56,11 +53,7 @@ impl Check {
         let gyro_input = self.input(wanted(&table.gyro_input).as_ref(), "gyro_input", signals);
         let input_stop = self.input_stop(table);
         let ns = |ms: Option<u32>, default_ms: u32| u64::from(ms.unwrap_or(default_ms)) * 1_000_000;
-        let stop = |name: Option<StopName>, default: StopName| match name.unwrap_or(default) {
-            StopName::Category0 => StopCategory::RemoveTorque,
-            StopName::Category1 => StopCategory::RampThenRemove,
-            StopName::Category2 => StopCategory::RampAndHold,
-        };
+        let stop = |name: Option<StopName>, default: StopName| name.unwrap_or(default).into();
         SafetyPlan {
             lost_exchanges_tolerated: table.lost_exchanges_tolerated.unwrap_or(LOST_EXCHANGES_TOLERATED),
             lost_device_stop: match table.on_lost_device.unwrap_or(LostDeviceName::QuickStop) {

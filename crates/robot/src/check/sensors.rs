@@ -17,16 +17,10 @@ const COVARIANCE: [&str; 6] =
 pub(super) fn resolve(
     check: &mut Check,
     tables: &[SensorTable],
-    estimator: Option<&str>,
     signals: Option<&SignalLayout>,
 ) -> Option<Vec<SensorPlan>> {
     if tables.is_empty() {
         return Some(Vec::new());
-    }
-    if estimator == Some("wheel_odometry") {
-        let reason = "the wheels alone tell it where the platform is: nobody would hear the sensors";
-        let problem = check.report(ProblemKind::Contradiction, "sensor", reason);
-        problem.limit = Some("estimator.kind = \"fused\", or no `[[sensor]]`".into());
     }
     let rates = tables.iter().filter(|table| table.kind.is_some_and(|kind| kind != SensorName::Pose)).count();
     for (count, most, what) in

@@ -20,6 +20,7 @@ use super::run_tables::{BridgeTable, RecordingTable, RunTable};
 use super::sensor_tables::SensorTable;
 use super::simulation_tables::SimulationTable;
 use super::source_tables::SourceTable;
+use crate::signals::StopCategory;
 
 /// One robot: its bus, drives, platform, limits, and the stages of its cycle.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -444,4 +445,14 @@ pub enum StopName {
     /// Ramp down and hold.
     #[serde(rename = "category_2")]
     Category2,
+}
+
+impl From<StopName> for StopCategory {
+    fn from(name: StopName) -> Self {
+        match name {
+            StopName::Category0 => StopCategory::RemoveTorque,
+            StopName::Category1 => StopCategory::RampThenRemove,
+            StopName::Category2 => StopCategory::RampAndHold,
+        }
+    }
 }

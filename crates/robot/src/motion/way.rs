@@ -50,7 +50,7 @@ impl Allowed {
 }
 
 #[derive(Debug, Default)]
-pub(super) struct Way {
+pub(super) struct PlannedMotion {
     motion: PointToPoint,
     /// Where it ends.
     pub(super) to: Pose2,
@@ -90,7 +90,7 @@ fn planned(setpoint: &Setpoint) -> omnibase_trajectory::Setpoint {
     }
 }
 
-impl Way {
+impl PlannedMotion {
     /// Plans from a state of motion to one. A way that can't be planned stays as it was.
     pub(super) fn plan(&mut self, [from, to]: [&Setpoint; 2], allowed: &Allowed) -> Result<(), NoMotion> {
         let most = slowed(&motion_limits(&allowed.limits), ROOM);

@@ -6,6 +6,7 @@ use omnibase_ethercat::wire::sii::ImageTooShort;
 use omnibase_ethercat_sim::device::Piece;
 use omnibase_ethercat_sim::device::generic::Generic;
 use omnibase_ethercat_sim::device::panel::{IoPanel, MOST_BYTES};
+use omnibase_ethercat_sim::device::parameters;
 use omnibase_ethercat_sim::device::simple::{self, Terminal};
 use omnibase_ethercat_sim::dictionary::standard::PdoMap;
 use omnibase_robot::config::{BusPlace, DevicePlan, ParameterPlan, PdoPlan};
@@ -59,7 +60,7 @@ pub(super) fn entries(parameter: &ParameterPlan) -> Vec<(ObjectAddress, usize)> 
     let address = ObjectAddress::new(parameter.index, parameter.subindex);
     match parameter.access {
         SdoAccess::Entry => vec![(address, parameter.data.len())],
-        SdoAccess::Complete => simple::entries_of_whole(address, &parameter.data),
+        SdoAccess::Complete => parameters::entries_of_whole(address, &parameter.data),
     }
 }
 

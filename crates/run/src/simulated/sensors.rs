@@ -200,7 +200,7 @@ fn parameters(table: &SimulatedSensorTable, plan: &SensorPlan, on_the_bus: bool)
     let (tells, rate_hz, noises) = match plan.kind {
         SensorName::Gyro => (Tells::Turn, 1000.0, [0.0, sigma[0]]),
         SensorName::Imu => (Tells::Inertia, 1000.0, [sigma[1], sigma[0]]),
-        SensorName::Flow => (Tells::Way, 125.0, [sigma[0], 0.0]),
+        SensorName::Flow => (Tells::Flow, 125.0, [sigma[0], 0.0]),
         SensorName::Twist => (Tells::Twist, 30.0, [sigma[0], sigma[2]]),
         SensorName::Pose => (Tells::Pose, 100.0, [sigma[0], sigma[2]]),
     };

@@ -19,7 +19,7 @@ const NEAR_M: f64 = 1.5e-3;
 
 /// What was seen, cycle by cycle.
 #[derive(Default)]
-struct Seen {
+struct Kept {
     before: Option<(Pose2, Pose2)>,
     /// The greatest step of map and of odom in a cycle, m.
     steps_m: [f64; 2],
@@ -55,7 +55,7 @@ fn what_is_taught_and_gone_to_is_the_same_place_after_map_has_jumped() {
     ) + "\n[estimator]\nkind = \"fused\"\n\n[[source]]\nname = \"tracker\"\ncarries = \"pose\"\nmax_age_ms = 1000\n\n\
            [[sensor]]\nname = \"mocap\"\nkind = \"pose\"\nfrom = \"tracker\"\nsigma_m = 0.001\nsigma_rad = 0.002\n";
     assert!(text.contains("slope_rad"));
-    let kept = Arc::new(Mutex::new(Seen::default()));
+    let kept = Arc::new(Mutex::new(Kept::default()));
     let seen_by_all = kept.clone();
     let run = played_by(RobotText { text, ..RobotText::default() }, 24.0, move |hands: &mut Hands| {
         for n in 5..2390_u32 {
@@ -101,7 +101,7 @@ fn what_is_taught_and_gone_to_is_the_same_place_after_map_has_jumped() {
         hands.ask(13.5, BY, Ask::Robot(RequestKind::Track), Answer::Robot(RequestAnswer::Taken));
     });
     assert!(run.replayed.difference.is_none(), "{:?}", run.replayed);
-    let Seen { taught, places, steps_m, .. } = &*kept.lock().unwrap();
+    let Kept { taught, places, steps_m, .. } = &*kept.lock().unwrap();
     let meant = [taught[1], taught[0], taught[1]];
     let off: Vec<_> = places.iter().zip(meant).map(|(place, meant)| near(*place, meant)).collect();
     println!("steps {steps_m:?} m; off {off:?}");

@@ -44,7 +44,7 @@ const FIRST_GAP: f64 = 1e-2;
 const LAST_GAP: f64 = 1e-3;
 
 /// What limits and motors say to a motion.
-pub(super) struct Seen {
+pub(super) struct Assessment {
     /// By how many times longer each of its pieces must take to keep the limits.
     pub(super) paces: Vec<f64>,
     /// Of each motor the greatest mean square of its torque, over what it bears for ever, in any window that a step lies in.
@@ -143,7 +143,7 @@ pub(super) fn shortest<P: GeometricPath>(
     bounds: &PlatformBounds,
     near: &Progress,
     [window_s, costs]: [f64; 2],
-    look: impl Fn(&Progress) -> Seen,
+    look: impl Fn(&Progress) -> Assessment,
 ) -> Option<Progress> {
     let joints = path.breaks();
     let sought = |near: &Progress| {

@@ -3,7 +3,7 @@
 use std::ops::RangeInclusive;
 
 use super::ServoConfig;
-use crate::device::simple;
+use crate::device::parameters;
 use crate::dictionary::standard::{self, Mapping, Nameplate, PdoMap};
 use crate::dictionary::{Access, DataType, Dictionary, Entry, Field, Object, Scalar};
 use crate::firmware::Synchronization;
@@ -32,7 +32,7 @@ pub(super) fn objects(config: &ServoConfig, nameplate: &Nameplate, pdos: &[PdoMa
     }
     objects.extend(standard_objects(config));
     objects.extend(manufacturer_objects());
-    simple::add_objects(&mut objects, &config.parameters);
+    parameters::add_objects(&mut objects, &config.parameters);
     objects
 }
 

@@ -118,8 +118,8 @@ impl<W: Write> Hand for Lines<W> {
                 Err(RecvTimeoutError::Disconnected) => return Answer::Leave,
             };
             match (&value["answer"], &value["wrong"]) {
-                (Value::String(text), _) => return Answer::Said(text.clone()),
-                (Value::Number(number), _) => return Answer::Said(number.to_string()),
+                (Value::String(text), _) => return Answer::Text(text.clone()),
+                (Value::Number(number), _) => return Answer::Text(number.to_string()),
                 (_, wrong) => {
                     let found = wrong.as_str().map_or_else(|| value.to_string(), str::to_owned);
                     let text =

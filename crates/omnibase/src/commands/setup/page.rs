@@ -160,7 +160,7 @@ impl Hand for Page {
             self.say(format!("{text} {said}"));
         }
         self.show();
-        said.map_or(Answer::Leave, Answer::Said)
+        said.map_or(Answer::Leave, Answer::Text)
     }
 
     fn tell(&mut self, text: &str) {

@@ -132,7 +132,7 @@ impl Hand for Person {
         let default = question.default.as_ref().map_or(String::new(), |default| format!(" [{default}]"));
         print!("{}{choices}{default}, `leave` to go on another day: ", shown(&question.text));
         let line = if std::io::stdout().flush().is_ok() { self.line() } else { None };
-        line.filter(|line| line.trim() != "leave").map_or(Answer::Leave, Answer::Said)
+        line.filter(|line| line.trim() != "leave").map_or(Answer::Leave, Answer::Text)
     }
 
     fn tell(&mut self, text: &str) {
