@@ -43,6 +43,8 @@ class Witness:
     def __init__(self):
         rclpy.init()
         self.node = rclpy.create_node("witness")
+        # Else each `spin_once` adds it and takes it away, and all that is waited for is gathered anew.
+        rclpy.get_global_executor().add_node(self.node)
         self.odom = []
         self.joints = []
         self.odom_subscription = self.node.create_subscription(Odometry, "odom", self.odom.append, 1000)

@@ -10,8 +10,9 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 /// How long a wait lasts at most, so that whoever watches is asked now and then.
 const LONGEST_WAIT: Duration = Duration::from_millis(5);
-/// How long one of several links is waited at before a look at the others.
-const SLICE: Duration = Duration::from_micros(50);
+/// How long one of several links is waited at before a look at the others. A MainDevice sends into both ends of a ring at once:
+/// what comes to one of them has the other looked at.
+const SLICE: Duration = Duration::from_micros(200);
 /// A segment's time that is farther behind is counted: the usual cycle.
 pub const LONG_BEHIND: Duration = Duration::from_millis(1);
 /// Answers that are remembered, to know them when the interface shows us what we sent.

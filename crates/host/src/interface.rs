@@ -41,17 +41,36 @@ pub fn names() -> Vec<String> {
     names
 }
 
+/// A way to ask for links again and again without a new socket each time.
+#[derive(Debug)]
+pub struct LinkWatch(OwnedFd);
+
+impl LinkWatch {
+    /// A way into this thread's network.
+    ///
+    /// # Errors
+    ///
+    /// The kernel gives no socket.
+    pub fn new() -> std::io::Result<Self> {
+        // SAFETY: socket has no memory arguments; a negative result is no descriptor and isn't wrapped.
+        unsafe {
+            let descriptor = libc::socket(libc::AF_INET, libc::SOCK_DGRAM | libc::SOCK_CLOEXEC, 0);
+            if descriptor < 0 {
+                return Err(std::io::Error::last_os_error());
+            }
+            Ok(LinkWatch(OwnedFd::from_raw_fd(descriptor)))
+        }
+    }
+
+    /// The state of the link of the interface `name`. Needs no rights.
+    pub fn state(&self, name: &str) -> LinkState {
+        link_state_with(self.0.as_raw_fd(), name)
+    }
+}
+
 /// The state of the link of the interface `name`. Needs no rights.
 pub fn link_state(name: &str) -> LinkState {
-    // SAFETY: socket has no memory arguments; a negative result is no descriptor and isn't wrapped.
-    let socket = unsafe {
-        let descriptor = libc::socket(libc::AF_INET, libc::SOCK_DGRAM | libc::SOCK_CLOEXEC, 0);
-        if descriptor < 0 {
-            return LinkState::Missing;
-        }
-        OwnedFd::from_raw_fd(descriptor)
-    };
-    link_state_with(socket.as_raw_fd(), name)
+    LinkWatch::new().map_or(LinkState::Missing, |links| links.state(name))
 }
 
 /// As [`link_state`], with a socket that is there already.

@@ -54,6 +54,37 @@ fn every_path_that_a_document_names_exists() {
     assert!(checked > 10, "only {checked} paths were found in the documents: is the search broken?");
 }
 
+/// Whether these sources have an example in Rust in the comments of which documentation is made.
+fn has_example(folder: &Path) -> bool {
+    fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).any(|path| {
+        if path.is_dir() {
+            return has_example(&path);
+        }
+        let text = fs::read_to_string(&path).unwrap_or_default();
+        let lines = text.lines().map(str::trim_start);
+        let comments = lines.filter_map(|line| line.strip_prefix("///").or(line.strip_prefix("//!")));
+        let fences = comments.filter_map(|line| line.trim_start().strip_prefix("```"));
+        fences.step_by(2).any(|language| !["text", "toml"].contains(&language))
+    })
+}
+
+#[test]
+fn examples_in_comments_are_tested_where_there_are_any() {
+    let folders = ["crates", "examples"].map(|name| fs::read_dir(root().join(name)).unwrap());
+    let mut with = Vec::new();
+    for package in folders.into_iter().flatten().map(|entry| entry.unwrap().path()) {
+        if !package.join("src/lib.rs").is_file() {
+            continue;
+        }
+        // Where there are none, rustdoc would read the whole crate for nothing.
+        let is_tested =
+            !fs::read_to_string(package.join("Cargo.toml")).unwrap().contains("\ndoctest = false\n");
+        assert_eq!(is_tested, has_example(&package.join("src")), "doctest of {}", package.display());
+        with.extend(is_tested.then(|| package.file_name().unwrap().to_owned()));
+    }
+    assert!(with.contains(&"client".into()), "{with:?}");
+}
+
 /// The test functions and modules of a target, as the table of standards names it.
 fn tests_of(target: &str) -> Option<String> {
     let place = match target {

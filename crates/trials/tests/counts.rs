@@ -25,7 +25,7 @@ fn on_a_circle(cycles: u64) -> String {
 fn a_cycle_of_the_simulated_robot_costs_no_more_instructions_than_it_may() {
     let test = "counts::a_cycle_of_the_simulated_robot_costs_no_more_instructions_than_it_may";
     let functions = ["*SimLink as *Link>::send", "*SimLink as *Link>::receive"];
-    callgrind::a_cycle_costs_at_most(MOST_FRAMED, test, &functions, [1500, 3000], |cycles| {
+    callgrind::a_cycle_costs_at_most(MOST_FRAMED, test, &functions, [1000, 1500], |cycles| {
         assert!(framed::track(&on_a_circle(cycles)).finished);
     });
 }
@@ -34,7 +34,7 @@ fn a_cycle_of_the_simulated_robot_costs_no_more_instructions_than_it_may() {
 fn a_cycle_without_frames_and_chips_costs_no_more_instructions_than_it_may() {
     let test = "counts::a_cycle_without_frames_and_chips_costs_no_more_instructions_than_it_may";
     let functions = ["omnibase_trials::trial::Trial::exchange"];
-    callgrind::a_cycle_costs_at_most(MOST_ALONE, test, &functions, [1500, 3000], |cycles| {
+    callgrind::a_cycle_costs_at_most(MOST_ALONE, test, &functions, [500, 1000], |cycles| {
         let mut trial = Trial::new(plan_of(&on_a_circle(4000)));
         trial.enable();
         trial.step(Some(RequestKind::Track));

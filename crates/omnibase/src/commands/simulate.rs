@@ -13,6 +13,7 @@ use logbook::{Arrival, Entry, Logbook, Standstill, TruePose, WatchdogStop};
 use omnibase_ethercat_sim::{Fault, MainPort, Pace, RingEnds, Segment, Served, serve, serve_ring};
 use omnibase_ethercat_wire::sii::Image;
 use omnibase_ethercat_wire::{HostTime, LinkError};
+use omnibase_host::interface::LinkWatch;
 use omnibase_host::{InterfaceLock, LinkState, Waiting, interface, stop_on_signals};
 use omnibase_robot::Registry;
 use omnibase_run::simulated::{self, Script};
@@ -163,7 +164,8 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     let interfaces = std::iter::once(&arguments.interface).chain(&arguments.redundant);
     let ports = [MainPort::Primary, MainPort::Redundant].into_iter().zip(interfaces);
     let ends = ports.map(|(port, name)| End { name: name.clone(), port, is_out: false }).collect();
-    let mut watch = Watch { logbook, faults, script, start: segment.now(), stop, ends };
+    let links = LinkWatch::new()?;
+    let mut watch = Watch { logbook, faults, script, start: segment.now(), stop, ends, links };
     // Until the end of the service.
     let granted = arguments.real_time.apply(SERVICE_PERIOD)?;
     let served = watch.serve(&mut segment, &mut cable, other_end.as_mut())?;
@@ -242,6 +244,7 @@ struct Watch {
     stop: &'static AtomicBool,
     /// The MainDevice's interfaces.
     ends: Vec<End>,
+    links: LinkWatch,
 }
 
 /// One of the MainDevice's interfaces.
@@ -309,7 +312,7 @@ impl Watch {
         }
         let now = segment.now();
         for end in &mut self.ends {
-            let is_out = interface::link_state(&end.name) != LinkState::Up;
+            let is_out = self.links.state(&end.name) != LinkState::Up;
             if std::mem::replace(&mut end.is_out, is_out) == is_out {
                 continue;
             }
