@@ -55,7 +55,7 @@ impl<L: Link> CyclicBus<L> {
         match (self.pending_reference, setting) {
             (None, Some(position)) => {
                 self.pending_reference = Some(position);
-                // Until it has its time nobody is told any: clocks drift less than 1 µs meanwhile.
+                // Until it has its time nobody is told any: clocks drift less than 1 us meanwhile.
                 self.command_clock(Command::Fprd);
             }
             (Some(position), None) => {

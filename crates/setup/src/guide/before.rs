@@ -229,7 +229,7 @@ impl<C: Clock> Guide<'_, C> {
         };
         let text = |drive: &FoundDrive| {
             format!(
-                "SubDevice {}: its max torque (6072) is {} ‰ of the rated, as a jog writes it: where nobody wished that, set it by the maker's \
+                "SubDevice {}: its max torque (6072) is {} per mille of the rated, as a jog writes it: where nobody wished that, set it by the maker's \
                  tool",
                 drive.position, self.wished.torque_per_mille
             )

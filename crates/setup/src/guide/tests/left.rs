@@ -239,7 +239,7 @@ fn who_is_limited_as_by_a_jog_is_told() {
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     by_tool(&link, &clock).sdo_write(1, TORQUE, &100_u16.to_le_bytes()).unwrap();
     with_found(BASE, &mut open, &mut Nobody, |guide| {
-        let words = "SubDevice 1: its max torque (6072) is 100 ‰ of the rated, as a jog writes it";
+        let words = "SubDevice 1: its max torque (6072) is 100 per mille of the rated, as a jog writes it";
         assert!(guide.record.findings.len() == 1 && guide.record.findings[0].starts_with(words));
         by_tool(&link, &clock).sdo_write(1, TORQUE, &200_u16.to_le_bytes()).unwrap();
         guide.compare().unwrap();
