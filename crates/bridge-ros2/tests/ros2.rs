@@ -390,7 +390,7 @@ fn a_pulled_cable_stops_the_robot(where_it_is: &str, bridge: impl Fn(&Machines, 
             let pulled = robot.distance_m();
             robot.wait("it rests", |robot| (robot.speed_m_s() < 5e-3).then_some(()));
             let stood = robot.distance_m();
-            // 0.25 m/s for as long as a command is believed, and the ramp: 0.6 m/s^2.
+            // 0.25 m/s for as long as a command is believed, and the ramp: 0.6 m/s².
             let farthest_m = 0.25 * f64::from(COMMAND_AGE_MS) / 1e3 + 0.25 * 0.25 / (2.0 * 0.6);
             assert!(stood - pulled < farthest_m, "{} m, {farthest_m} at most", stood - pulled);
             // Nobody is heard: it goes on to rest.

@@ -9,11 +9,15 @@
 //! - [`drift`]: how far dead reckoning runs from the truth, before and after; [`errors`]: what is still wrong, where that is known.
 //!
 //! # What can't be seen
-//! A wheel shows `R·ω = b·ξ` with `b = (aₓ, a_y, x·a_y − y·aₓ)/(a·u)`: of its place only the lever arm of its force. Where it
-//! stands along its force, no motion shows. Nor does any motion show where the base frame is within the body: wheels and sensor
-//! moved and turned together are the same robot, so that these three numbers stay as the tolerances say. Loops that end where
-//! they began don't show how long a metre is. Four and more wheels show nine numbers, as three
-//! wheels do; what they contradict each other by shows where their hubs go at different speeds, and faintly.
+//! A wheel shows `R·ω = b·ξ` with `b = (aₓ, a_y, x·a_y − y·aₓ)/(a·u)`: of its place only the lever arm of its
+//! force. Where it stands along its force, no motion shows.
+//!
+//! Nor does any motion show where the base frame is within the body: wheels and sensor moved and turned
+//! together are the same robot, so that these three numbers stay as the tolerances say. Loops that end where
+//! they began don't show how long a metre is.
+//!
+//! Four and more wheels show nine numbers, as three wheels do; what they contradict each other by shows where
+//! their hubs go at different speeds, and faintly.
 //!
 //! Units are SI, frames are those of [`omnibase_platform`]. No files, no clocks: instants are numbers of the caller.
 #![forbid(unsafe_code)]

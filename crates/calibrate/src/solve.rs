@@ -1,9 +1,11 @@
 //! All unknowns at once, by least squares over the whole of all runs.
 //!
-//! The platform's pose at each measurement is an unknown as well (a smoother over a graph; Dellaert and Kaess, *Factor Graphs for
-//! Robot Perception*, 2017): from one to the next by the exact arcs of the wheels, within what an uneven floor adds; each as
-//! the sensor saw it, or the tape; the turn between them as the gyro has it. Gauss and Newton's steps, each as long as it lowers
-//! the cost; Huber's weights (*Ann. Math. Statist.* 35, 1964) for poses, so that a wild one counts little.
+//! The platform's pose at each measurement is an unknown as well (a smoother over a graph; Dellaert and Kaess,
+//! *Factor Graphs for Robot Perception*, 2017): from one to the next by the exact arcs of the wheels, within
+//! what an uneven floor adds; each as the sensor saw it, or the tape; the turn between them as the gyro has it.
+//!
+//! Gauss and Newton's steps, each as long as it lowers the cost; Huber's weights (*Ann. Math. Statist.*
+//! 35, 1964) for poses, so that a wild one counts little.
 
 mod factors;
 

@@ -18,9 +18,11 @@ pub enum ObjectUnit {
 pub fn unit_of(index: u16, subindex: u8) -> Option<ObjectUnit> {
     use ObjectUnit::{Fixed, Told};
     Some(match (index, subindex) {
-        (0x6071 | 0x6072 | 0x6074 | 0x6077 | 0x60B2 | 0x60E0 | 0x60E1, 0) => Fixed("‰ of rated torque"),
-        (0x6073 | 0x6078, 0) => Fixed("‰ of rated current"),
-        (0x6087, 0) => Fixed("‰ of rated torque per s"),
+        (0x6071 | 0x6072 | 0x6074 | 0x6077 | 0x60B2 | 0x60E0 | 0x60E1, 0) => {
+            Fixed("per mille of rated torque")
+        }
+        (0x6073 | 0x6078, 0) => Fixed("per mille of rated current"),
+        (0x6087, 0) => Fixed("per mille of rated torque per s"),
         (0x6075, 0) => Fixed("mA"),
         (0x6076, 0) => Fixed("mN·m"),
         (0x6079, 0) => Fixed("mV"),

@@ -45,10 +45,12 @@ pub enum Heard {
 /// A seat at a robot: a session among those of its pages, with a stick of its own.
 ///
 /// A twist counts from the instant at which it was meant, or the last news of the robot before it (30 times a second), for
-/// `safety.command_age_ms`. Where none follows it, or the program says nothing at all for a second, the stick is lost: the robot
-/// stops, and somebody has to enable it again ([`Seat::enable_stick`]), but after [`Seat::recover`]. A program that has nothing
-/// more to say for now lets go, and may drive again by itself. Whatever else stops the robot while it follows the stick ends the
-/// seat's drive too, until the stick is enabled.
+/// `safety.command_age_ms`. Where none follows it, or the program says nothing at all for a second, the stick is lost: the
+/// robot stops, and somebody has to enable it again ([`Seat::enable_stick`]), but after [`Seat::recover`].
+///
+/// A program that has nothing more to say for now lets go, and may drive again by itself.
+/// Whatever else stops the robot while it follows the stick ends the seat's drive too, until the stick is
+/// enabled.
 pub struct Seat {
     connection: Connection,
     clock: RobotClock,

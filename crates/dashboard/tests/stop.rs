@@ -1,10 +1,12 @@
 //! STOP is heard whatever else is asked: measured in cycles of the robot, each of which is 1 ms on its own clock.
 //!
-//! That clock goes on as the server's thread computes, and stands while it doesn't: a cycle is 1 ms of its processor
-//! time. So a busy machine, on which that thread gets no time, makes nothing late here; what the thread does before it
-//! hears a stop does, whoever asked for it. Nor does a cycle that comes late: it runs on the server's processor, so the
-//! server doesn't go on meanwhile. What it would wait for without computing never ends in these tests: it is a file that
-//! never gives a byte.
+//! That clock goes on as the server's thread computes, and stands while it doesn't: a cycle is 1 ms of its
+//! processor time. So a busy machine, on which that thread gets no time, makes nothing late here; what the
+//! thread does before it hears a stop does, whoever asked for it.
+//!
+//! Nor does a cycle that comes late: it runs on the server's processor, so the server doesn't go on meanwhile.
+//!
+//! What it would wait for without computing never ends in these tests: it is a file that never gives a byte.
 
 mod bench;
 mod hostile;

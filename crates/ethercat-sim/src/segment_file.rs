@@ -22,10 +22,15 @@
 //! A SubDevice with `firmware = "socket"` has its chip and SII as its kind says, and its application in a program that
 //! connects to the Unix socket `socket` (default: `<name>.pdi` in the current folder), see `docs/pdi-socket.md`.
 //!
-//! `kind = "sii"` wants `sii = "file.bin"`, an image beside the segment file; `kind = "digital-io"` wants `inputs`
-//! and `outputs`, numbers of bits; `kind = "esi"` wants `esi = "maker.xml"` and `device`, a type or `product:revision`
-//! in it, and may have `modules`, types in the slots from 1 on, and `module_files`, where they stand; `kind = "servo"` and `"sgdv"` may have a table `[subdevice.servo]`, see
-//! `segments/three-sgdv.toml`, and so may an `"esi"` that is a drive (profile 402) of one axis: its motor and its load, its PDOs are those of its file.
+//! `kind = "sii"` wants `sii = "file.bin"`, an image beside the segment file; `kind = "digital-io"` wants
+//! `inputs` and `outputs`, numbers of bits.
+//!
+//! `kind = "esi"` wants `esi = "maker.xml"` and `device`, a type or `product:revision` in it, and may have
+//! `modules`, types in the slots from 1 on, and `module_files`, where they stand.
+//!
+//! `kind = "servo"` and `"sgdv"` may have a table `[subdevice.servo]` (see `segments/three-sgdv.toml`), and so
+//! may an `"esi"` that is a drive (profile 402) of one axis: its motor and its load, its PDOs are those of its
+//! file.
 
 mod build;
 mod drive;

@@ -39,10 +39,12 @@ pub struct Served {
 
 /// Answers the frames that come in by `link` until `watch` breaks it off.
 ///
-/// The segment's time goes on with `clock` from where it stands, also between frames. A frame passes the segment at
-/// the instant of its arrival, as far as the link knows that, also where this program was late to fetch it: pauses
-/// of the host are not the bus's, only the answer comes late. Answers leave at once: the times of cables and chips
-/// are in the clocks of the SubDevices, but nobody waits for them here.
+/// The segment's time goes on with `clock` from where it stands, also between frames. A frame passes the
+/// segment at the instant of its arrival, as far as the link knows that, also where this program was late to
+/// fetch it: pauses of the host are not the bus's, only the answer comes late.
+///
+/// Answers leave at once: the times of cables and chips are in the clocks of the SubDevices, but nobody waits
+/// for them here.
 ///
 /// `watch` sees the segment after each frame and each event within it, in the order of the segment's time, and may
 /// inject faults.

@@ -1,9 +1,11 @@
 //! Cable redundancy: two interfaces at the ends of a ring, seen as one link.
 //!
-//! Each frame leaves as two copies at once. In a whole ring the first is processed by everybody and comes back at the
-//! other end, while the second passes backwards, processed by nobody. Where the ring is broken each copy turns at the
-//! break and comes back where it left, processed by its half. Both copies together are the answer: working counters
-//! add up, and what one half changed is taken from its copy. So the very cycle of the break loses nothing.
+//! Each frame leaves as two copies at once. In a whole ring the first is processed by everybody and comes back
+//! at the other end, while the second passes backwards, processed by nobody. Where the ring is broken each copy
+//! turns at the break and comes back where it left, processed by its half.
+//!
+//! Both copies together are the answer: working counters add up, and what one half changed is taken from its
+//! copy. So the very cycle of the break loses nothing.
 //!
 //! Frames carry an expected time of the reference clock (see [`crate::cyclic`]), so the half without the reference
 //! keeps its time as well as the host's clock allows, until the ring is whole again.

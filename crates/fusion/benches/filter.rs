@@ -1,9 +1,12 @@
 //! What a cycle of the filter costs, set of sensors by set: instructions in the mean and in the dearest cycle, and time.
 //!
-//! `cargo bench -p omnibase-fusion`: a platform on a circle at 0.5 m/s, its cycle 1 ms. Gyro or imu in each of them, two mice at 125 Hz,
-//! a twist at 50 Hz, poses at 100 Hz that are late by so many milliseconds. Instructions are counted by callgrind where valgrind is installed: the
-//! difference of two runs, each in a process of its own. Time is that of the quickest of 31 batches of a thousand cycles. The dearest cycle
-//! is the longest of a thousand, each taken as the least of thirty runs through the same: both leave out what else the machine does.
+//! `cargo bench -p omnibase-fusion`: a platform on a circle at 0.5 m/s, its cycle 1 ms. Gyro or imu in each of them,
+//! two mice at 125 Hz, a twist at 50 Hz, poses at 100 Hz that are late by so many milliseconds. Instructions are
+//! counted by callgrind where valgrind is installed: the difference of two runs, each in a process of its own.
+//!
+//! Time is that of the quickest of 31 batches of a thousand cycles. The dearest cycle is the longest of a
+//! thousand, each taken as the least of thirty runs through the same: both leave out what else the machine
+//! does.
 
 use std::hint::black_box;
 use std::process::Command;

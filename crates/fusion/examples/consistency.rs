@@ -1,11 +1,15 @@
 //! Whether the filter errs by as much as it says: NEES of the pose and NIS of each kind of sensor, set by set, over many worlds.
 //!
-//! `cargo run --release -p omnibase-fusion --example consistency [-- <worlds> [<first> [<sensors>]]]`: 1000 by default, each of 8 s, with
-//! each set of sensors or with that one alone. Both are chi² over
-//! their degrees of freedom (Bar-Shalom, Li and Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, 5.4), so
-//! that their means over all worlds lie in the band that is printed at 19 of 20 instants. The looks of one world hang together, so
-//! that they leave the band together: what that makes of the mean of all looks, and how often a filter without a fault has so few looks
-//! inside, is told by drawing worlds anew from these (Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, 16.4).
+//! `cargo run --release -p omnibase-fusion --example consistency [-- <worlds> [<first> [<sensors>]]]`: 1000 by
+//! default, each of 8 s, with each set of sensors or with that one alone.
+//!
+//! Both are chi² over their degrees of freedom (Bar-Shalom, Li and Kirubarajan, *Estimation with Applications
+//! to Tracking and Navigation*, 2001, 5.4), so that their means over all worlds lie in the band that is printed
+//! at 19 of 20 instants.
+//!
+//! The looks of one world hang together, so that they leave the band together: what that makes of the mean of
+//! all looks, and how often a filter without a fault has so few looks inside, is told by drawing worlds anew
+//! from these (Efron and Tibshirani, *An Introduction to the Bootstrap*, 1993, 16.4).
 
 use omnibase_fusion::{Filter, Sensor, SensorKind};
 

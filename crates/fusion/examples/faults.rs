@@ -1,11 +1,18 @@
 //! What becomes of sensors that fail, kind by kind and fault by fault, in companies of others.
 //!
-//! `cargo run --release -p omnibase-fusion --example faults [-- <worlds> [<fault>]]`: 20 by default, with each fault or with that one alone (`none`, `early`). After how long the sensor was named at the
-//! latest, as what; for which share of the time from the fault on the truth was outside of the ellipsoid of the covariance that holds
-//! it as often as three standard deviations hold one axis (0.27 % of the time where all is right), the mean NEES, and how far
-//! away it was at most, in standard deviations of x, y and heading: without a fault it is what stands first. The motion is even: to how
-//! much half a second of it shows the first sensor's clock at best stands behind, as a standard deviation in the mean of all worlds. Whoever
-//! is to be named within that time has to be off by five of them. Where the motion changes more, `--test filter clocks` tells it.
+//! `cargo run --release -p omnibase-fusion --example faults [-- <worlds> [<fault>]]`: 20 by default, with each
+//! fault or with that one alone (`none`, `early`).
+//!
+//! Told are: after how long the sensor was named at the latest, as what; the share of the time from the fault on
+//! for which the truth was outside of the ellipsoid of the covariance that holds it as often as three standard
+//! deviations hold one axis (0.27 % where all is right); the mean NEES.
+//!
+//! And how far away it was at most, in standard deviations of x, y and heading: without a fault it is what
+//! stands first.
+//!
+//! The motion is even: to how much half a second of it shows the first sensor's clock at best stands behind, as
+//! a standard deviation in the mean of all worlds. Whoever is to be named within that time has to be off by
+//! five of them. Where the motion changes more, `--test filter clocks` tells it.
 //!
 //! A second table is that of robots whose control law follows a way of an eight by what is believed, so that a sensor that lies leads them
 //! off: how far the truth was from where it was to be at most, and how many stood because they didn't know where they are.

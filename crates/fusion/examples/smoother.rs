@@ -1,9 +1,11 @@
 //! The filter against a batch smoother of other people: GTSAM (F. Dellaert and others), from the Python package index.
 //!
-//! `cargo run --release -p omnibase-fusion --example smoother [-- <worlds> [<python>]]`: 10 worlds of 1 s by default. What wheels and
-//! sensors tell in each is written to a table; `smoother/batch.py` solves for all of it at once with the model written anew, and tells
-//! where the platform is at the end, and how well. The Python is `target/smoother/bin/python` by default, which
-//! `python3 -m venv target/smoother && target/smoother/bin/pip install gtsam numpy` makes.
+//! `cargo run --release -p omnibase-fusion --example smoother [-- <worlds> [<python>]]`: 10 worlds of 1 s by
+//! default. What wheels and sensors tell in each is written to a table; `smoother/batch.py` solves for all of
+//! it at once with the model written anew, and tells where the platform is at the end, and how well.
+//!
+//! The Python is `target/smoother/bin/python` by default, which `python3 -m venv target/smoother &&
+//! target/smoother/bin/pip install gtsam numpy` makes.
 
 use std::fmt::Write as _;
 use std::path::Path;

@@ -23,7 +23,7 @@ pub const SYN_DROPPED: u16 = 3;
 /// One event as the kernel gives it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RawEvent {
-    /// When, µs on the device's clock; 0 where the kernel gave less.
+    /// When, us on the device's clock; 0 where the kernel gave less.
     pub time_us: u64,
     /// Its type: [`EV_SYN`], [`EV_KEY`], [`EV_ABS`], or one that means nothing here.
     pub kind: u16,
@@ -59,7 +59,7 @@ impl RawEvent {
         let [s @ .., _, _, _, _, _, _, _, _, _, _, _, _, _, _, _, _] = *bytes;
         let [_, _, _, _, _, _, _, _, us @ .., _, _, _, _, _, _, _, _] = *bytes;
         let [.., k0, k1, c0, c1, v0, v1, v2, v3] = *bytes;
-        // A clock before 1970 or beyond the range of u64 in µs is no clock: its ends stand for it.
+        // A clock before 1970 or beyond the range of u64 in us is no clock: its ends stand for it.
         let part = |bytes| u64::try_from(i64::from_le_bytes(bytes)).unwrap_or(0);
         RawEvent {
             time_us: part(s).saturating_mul(1_000_000).saturating_add(part(us)),

@@ -28,7 +28,7 @@ impl Witness {
     /// The truth at an instant close to the machine's own, ns.
     ///
     /// The drives' inner loops run on between an encoder's reading and the frame that fetches it (half a cycle), so
-    /// the machine is ahead of the inputs: its present twist leads back to their instant, wrong by a·t²/2, 0.2 µm
+    /// the machine is ahead of the inputs: its present twist leads back to their instant, wrong by a·t²/2, 0.2 um
     /// for 0.5 ms at 1.5 m/s².
     pub fn look(&mut self, instant_ns: u64) -> TruePlatform {
         let truth = self.machine.truth();

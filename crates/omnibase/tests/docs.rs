@@ -25,6 +25,19 @@ fn documents() -> Vec<PathBuf> {
     found
 }
 
+/// All files of a folder and of the folders in it.
+fn files_below(folder: PathBuf) -> Vec<PathBuf> {
+    let (mut files, mut paths) = (Vec::new(), vec![folder]);
+    while let Some(path) = paths.pop() {
+        if path.is_dir() {
+            paths.extend(fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
+        } else {
+            files.push(path);
+        }
+    }
+    files
+}
+
 /// Paths of the repository that a text names in backticks or as the target of a link.
 fn named_paths(text: &str) -> Vec<String> {
     let folders = ["crates/", "docs/", "segments/", "robots/", "fuzz/", "examples/", ".ci/"];
@@ -95,15 +108,7 @@ fn tests_of(target: &str) -> Option<String> {
         "trials" => "crates/trials/tests".to_owned(),
         _ => return None,
     };
-    let (mut text, mut paths) = (String::new(), vec![root().join(place)]);
-    while let Some(path) = paths.pop() {
-        if path.is_dir() {
-            paths.extend(fs::read_dir(path).unwrap().map(|entry| entry.unwrap().path()));
-        } else {
-            text.push_str(&fs::read_to_string(path).unwrap());
-        }
-    }
-    Some(text)
+    Some(files_below(root().join(place)).into_iter().map(|path| fs::read_to_string(path).unwrap()).collect())
 }
 
 #[test]
@@ -189,6 +194,57 @@ fn every_crate_stands_in_the_code_map() {
             let name = entry.unwrap().file_name().into_string().unwrap();
             assert!(map.contains(&format!("`{folder}/{name}`")), "ARCHITECTURE.md lacks {folder}/{name}");
         }
+    }
+}
+
+/// What the code map names below a crate's `src`, each name with its crate: a file without a path stands in the crate that
+/// was named last.
+fn named_in_the_map(map: &str) -> Vec<(&str, &str)> {
+    let (mut named, mut last) = (Vec::new(), "");
+    for name in map.split('`').skip(1).step_by(2) {
+        if let Some(path) = name.strip_prefix("crates/") {
+            let (of, below) = path.split_once('/').unwrap_or((path, ""));
+            named.extend(below.strip_prefix("src/").map(|below| (of, below)));
+            last = of;
+        } else if name.ends_with(".rs") && !root().join(name).exists() {
+            named.push((last, name));
+        }
+    }
+    named
+}
+
+#[test]
+fn every_module_stands_in_the_code_map_under_its_crate() {
+    let map = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    let named = named_in_the_map(&map);
+    let mut checked = 0;
+    for entry in fs::read_dir(root().join("crates")).unwrap() {
+        let path = entry.unwrap().path();
+        let of = path.file_name().unwrap().to_str().unwrap();
+        for entry in fs::read_dir(path.join("src")).unwrap() {
+            let file = entry.unwrap().path();
+            let module = file.file_stem().unwrap().to_str().unwrap();
+            if ["lib", "main", "tests"].contains(&module) {
+                continue;
+            }
+            let is_named = named.iter().any(|&(its, name)| {
+                let top = name.split('/').next().unwrap_or(name);
+                its == of && top.strip_suffix(".rs").unwrap_or(top) == module
+            });
+            assert!(is_named, "ARCHITECTURE.md lacks {module} of crates/{of}/src");
+            checked += 1;
+        }
+    }
+    assert!(checked > 300, "only {checked} modules were found: is the search broken?");
+}
+
+#[test]
+fn every_file_that_the_code_map_names_exists() {
+    let map = fs::read_to_string(root().join("ARCHITECTURE.md")).unwrap();
+    for (of, name) in named_in_the_map(&map) {
+        let src = root().join("crates").join(of).join("src");
+        let exists = src.join(name).exists() || files_below(src).iter().any(|file| file.ends_with(name));
+        assert!(exists, "ARCHITECTURE.md names {name} in crates/{of}/src, which does not exist");
     }
 }
 

@@ -3,9 +3,9 @@
 //! - `omni_odometry`, `omni_inverse`: their wheels turn the other way round (a counter-clockwise turn of the
 //!   body needs negative speeds), so speeds are negated; their `wheel_offset` is our first angle.
 //! - `mecanum`: k is the sum of half length and half width, of which any split gives the same numbers; their
-//!   wheels are called FL, FR, RR, RL, ours front_left, front_right, rear_left, rear_right. The pose of
-//!   `fk_base_frame_offset` carries that code's own Euler error and is not ours to meet; its `ramp` cases are
-//!   one axis with four different limits, which our limits (one per quantity, of a vector) do not have.
+//!   wheels are called FL, FR, RR, RL, ours front_left, front_right, rear_left, rear_right.
+//! - `fk_base_frame_offset` of it: the pose carries that code's own Euler error and is not ours to meet.
+//! - `ramp` of it: one axis with four different limits, which our limits (one per quantity, of a vector) do not have.
 //! - `diff_arc`: two wheels are no layout of ours; the twist they stand for is an arc with vy = 0.
 //! - `kdl_trapezoid`, `jtc_splines` belong to `omnibase-trajectory`, `cia402` to `omnibase-cia402`.
 

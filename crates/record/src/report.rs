@@ -1,9 +1,10 @@
 //! A run as one page of HTML with still pictures: for the screen, for the phone, for paper.
 //!
-//! The page holds everything it needs, takes nothing from the network and runs no script. Curves are reduced to the
-//! least and the greatest value in each column of a chart, so its size hardly depends on the length of the run, and
-//! neither does the room that it takes to make it ([`Digest`]). The
-//! same run gives the same page.
+//! The page holds everything it needs, takes nothing from the network and runs no script.
+//!
+//! Curves are reduced to the least and the greatest value in each column of a chart, so its size hardly depends
+//! on the length of the run, and neither does the room that it takes to make it ([`Digest`]). The same run
+//! gives the same page.
 //!
 //! # Signals
 //! Names are compared without regard to `/`, `.`, case and a unit at the end, so `/state` with `pose_x_m` is the same
@@ -21,12 +22,19 @@
 //! | inputs, outputs and axes | all of each topic that has an `age`: it stands beside the drives |
 //!
 //! # Description
-//! `robot`, `reference`, `mode`, `version`, `date` make the title. `footprint_m` (`x y; x y; …`, corners in the body's
-//! frame), `wheels_m` (`x y rolling_angle_rad radius_m; …`) and `wheel_names` (separated by spaces) draw the platform;
-//! `fence_m` (as the footprint, in odom), `walls_m` (several such: `x y; … | x y; …`) and `obstacles_m` (`x y radius; …`) the room.
-//! `limit.wheel_speed_rad_s`, `limit.wheel_torque_nm`, `wheel_peak_torque_nm`, `wheel_rated_torque_nm`,
-//! `sensor_gates` (`name chi²-per-number; …`) says beyond what readings were left out. `simulation.mass_kg` and `simulation.inertia_kg_m2` are drawn beside what was measured. `lost_frames`, `overruns`,
-//! `records_dropped` and `realtime_factor` stand in the summary, and [`MEASURED`] beside it. All of them may be missing.
+//! `robot`, `reference`, `mode`, `version`, `date` make the title. `footprint_m` (`x y; x y; …`, corners in the
+//! body's frame), `wheels_m` (`x y rolling_angle_rad radius_m; …`) and `wheel_names` (separated by spaces) draw
+//! the platform.
+//!
+//! `fence_m` (as the footprint, in odom), `walls_m` (several such: `x y; … | x y; …`) and `obstacles_m`
+//! (`x y radius; …`) draw the room.
+//!
+//! `limit.wheel_speed_rad_s`, `limit.wheel_torque_nm`, `wheel_peak_torque_nm`, `wheel_rated_torque_nm` are what
+//! wheels may. `sensor_gates` (`name chi²-per-number; …`) says beyond what readings were left out.
+//! `simulation.mass_kg` and `simulation.inertia_kg_m2` are drawn beside what was measured.
+//!
+//! `lost_frames`, `overruns`, `records_dropped` and `realtime_factor` stand in the summary, and [`MEASURED`]
+//! beside it. All of them may be missing.
 
 mod bands;
 mod beside;

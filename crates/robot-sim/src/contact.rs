@@ -1,12 +1,16 @@
 //! One step of stick and slip, solved for the velocities at its end.
 //!
-//! With the normal loads known, the velocities at the end of a step minimise a convex function: the kinetic distance
-//! to where the torques alone would bring the machine, plus the work of all dry frictions (J. J. Moreau's time-stepping
-//! in velocities). Each friction is a force that opposes a slip speed `s`, `−clamp(k·s, ±limit)`: a very steep line (or
-//! the creep of the tread, or an elastic tread's line, see [`tread`](crate::tread)) while it sticks, constant while it
-//! slides. Every wheel's speed couples only with the body's
-//! three velocities, so each Newton step is one 3×3 system; started from the last step's sticking and sliding contacts
-//! it mostly is the only one. Where plain Newton steps wander, an exact line search makes them converge.
+//! With the normal loads known, the velocities at the end of a step minimise a convex function: the kinetic
+//! distance to where the torques alone would bring the machine, plus the work of all dry frictions (J. J.
+//! Moreau's time-stepping in velocities).
+//!
+//! Each friction is a force that opposes a slip speed `s`, `−clamp(k·s, ±limit)`: a very steep line (or the
+//! creep of the tread, or an elastic tread's line, see [`tread`](crate::tread)) while it sticks, constant while
+//! it slides.
+//!
+//! Every wheel's speed couples only with the body's three velocities, so each Newton step is one 3×3 system;
+//! started from the last step's sticking and sliding contacts it mostly is the only one. Where plain Newton
+//! steps wander, an exact line search makes them converge.
 
 /// Slip speed below which a contact counts as sticking. A thousandth of a micrometre a second: it only makes the
 /// equations solvable where more contacts stick than there are velocities; a machine that sticks everywhere is put to rest.

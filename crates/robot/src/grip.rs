@@ -1,10 +1,14 @@
 //! What the wheels' torques do on the floor: how heavy the platform is, how much it rubs, how steep it stands, and which wheel slips.
 //!
-//! The twist that forces alone explain, v̂' = M⁻¹·(Bᵀ·f − friction) in body axes, is drawn slowly to what the wheels that grip show. A
-//! wheel whose rim runs ahead of v̂ in the direction of its own force slips: what a floor gives to a slipping wheel brakes its
-//! slip (K. L. Johnson, *Contact Mechanics*, 1985, section 8.1). A push does the opposite, for then the wheel's force is against it; a
-//! slope's force is learnt, and is among those of v̂. How far ahead counts depends on how well mass and friction are known by then. A
-//! gyro's turn is v̂'s. Of more than three wheels those that run ahead of what all of them show together slip as well.
+//! The twist that forces alone explain, v̂' = M⁻¹·(Bᵀ·f − friction) in body axes, is drawn slowly to what the
+//! wheels that grip show. A wheel whose rim runs ahead of v̂ in the direction of its own force slips: what a
+//! floor gives to a slipping wheel brakes its slip (K. L. Johnson, *Contact Mechanics*, 1985, section 8.1).
+//!
+//! A push does the opposite, for then the wheel's force is against it; a slope's force is learnt, and is among
+//! those of v̂.
+//!
+//! How far ahead counts depends on how well mass and friction are known by then. A gyro's turn is v̂'s. Of more
+//! than three wheels those that run ahead of what all of them show together slip as well.
 
 mod alone;
 pub(crate) mod equation;

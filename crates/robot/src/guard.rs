@@ -1,11 +1,14 @@
 //! Fence and obstacles: what of a motion the footprint may do.
 //!
-//! Two layers. `shaping` makes a wish gentle: near a wall only the part that leads outwards is slowed, so that one
-//! slides along it, and around an obstacle. What counts is the check behind it: a cycle's motion is let through only if
-//! the stop after it (`braking`) is known to keep the footprint inside the fence and off every obstacle. Else the
-//! platform brakes, and that stop was let through in the cycle before. So it holds for ever, by induction. Where the floor
-//! turns out to carry less than was thought, the stop that was let through stays as hard as it was until a softer one is known
-//! to suffice.
+//! Two layers. `shaping` makes a wish gentle: near a wall only the part that leads outwards is slowed, so that
+//! one slides along it, and around an obstacle.
+//!
+//! What counts is the check behind it: a cycle's motion is let through only if the stop after it (`braking`) is
+//! known to keep the footprint inside the fence and off every obstacle. Else the platform brakes, and that stop
+//! was let through in the cycle before. So it holds for ever, by induction.
+//!
+//! Where the floor turns out to carry less than was thought, the stop that was let through stays as hard as it
+//! was until a softer one is known to suffice.
 
 mod braking;
 mod draft;

@@ -1,9 +1,12 @@
 //! A way in the shortest time that the platform's limits allow, with a bounded jerk: from rest to rest, or passing its ends with speeds.
 //!
-//! First the fastest progress without regard to jerk ([`crate::reach`]), then the mean of it over a window of time: its path is
-//! the same, its acceleration continuous, its jerk at most twice the acceleration over the window. Where the mean exceeds a limit,
-//! for it looks past bends, the limits are lowered there and the progress is found again. Where the mean costs much, the best motion near it is
-//! sought first, over the whole of it at once.
+//! First the fastest progress without regard to jerk ([`crate::reach`]), then the mean of it over a window of
+//! time: its path is the same, its acceleration continuous, its jerk at most twice the acceleration over the
+//! window.
+//!
+//! Where the mean exceeds a limit, for it looks past bends, the limits are lowered there and the progress is
+//! found again. Where the mean costs much, the best motion near it is sought first, over the whole of it at
+//! once.
 
 mod bounds;
 mod free;

@@ -4,11 +4,14 @@
 //! The output is a sequence of velocities v with a = Δv/T and j = Δa/T, so that the limits hold for exactly what
 //! leaves. Translation is one vector with one limit each for |v|, |a| and |j|; rotation is a vector of one number.
 //!
-//! Braking an acceleration along its own direction with the full jerk ends at v + g(a), where g(a) = â·D(|a|) and
-//! D(α) = T·Σ max(α − i·J·T, 0). A state is *safe* if |a| <= A and both v and v + g(a) lie in the disc |v| <= V:
-//! the way between them is straight and the disc is convex, so braking never leaves it, and every state on that way
-//! is safe again. A second kind of safe states are those that go on turning (`limiter/turning.rs`): a circle
-//! at full speed. Each cycle chooses a next state that is safe, so the limits hold for ever, by induction.
+//! Braking an acceleration along its own direction with the full jerk ends at v + g(a), where g(a) = â·D(|a|)
+//! and D(α) = T·Σ max(α − i·J·T, 0).
+//!
+//! A state is *safe* if |a| <= A and both v and v + g(a) lie in the disc |v| <= V: the way between them is
+//! straight and the disc is convex, so braking never leaves it, and every state on that way is safe again.
+//!
+//! A second kind of safe states are those that go on turning (`limiter/turning.rs`): a circle at full speed.
+//! Each cycle chooses a next state that is safe, so the limits hold for ever, by induction.
 //!
 //! Among the safe states it takes, in this order:
 //! 1. the command itself, if one cycle reaches it and its motion can be followed further: within its limits a

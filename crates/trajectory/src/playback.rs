@@ -1,10 +1,11 @@
 //! Pausing, resuming and reversing a trajectory on its own path.
 //!
-//! The trajectory is sampled at σ(t) instead of t, where the rate r = σ̇ goes from −1 (backwards) over 0 (paused) to 1.
-//! With v, a, j of the trajectory the motion becomes v·r, a·r² + v·ṙ and j·r³ + 3a·r·ṙ + v·r̈, so from what the limits
-//! leave beside the trajectory's own peaks follow bounds for ṙ and r̈ that hold everywhere on it. The path itself is
-//! kept exactly. What is left decides how quickly: a trajectory planned at 90 % of the limits pauses well, one at its
-//! limits is refused.
+//! The trajectory is sampled at σ(t) instead of t, where the rate r = σ̇ goes from −1 (backwards) over 0 (paused)
+//! to 1. With v, a, j of the trajectory the motion becomes v·r, a·r² + v·ṙ and j·r³ + 3a·r·ṙ + v·r̈, so from what
+//! the limits leave beside the trajectory's own peaks follow bounds for ṙ and r̈ that hold everywhere on it.
+//!
+//! The path itself is kept exactly. What is left decides how quickly: a trajectory planned at 90 % of the
+//! limits pauses well, one at its limits is refused.
 
 use omnibase_platform::Twist2;
 

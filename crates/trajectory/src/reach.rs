@@ -1,10 +1,14 @@
 //! The fastest progress along a path whose limits are known at the points of a grid.
 //!
-//! With a path q(σ), x = σ̇² and u = σ̈ the speed is q'·√x and the acceleration q'·u + q''·x: limits on them are linear or a
-//! disk in (u, x). Backwards along the grid follows from which x the end can still be reached, forwards the greatest x that stays
-//! inside (reachability analysis: H. Pham and Q.-C. Pham, *A New Approach to Time-Optimal Path Parameterization Based on
-//! Reachability Analysis*, IEEE T-RO 34(3), 2018). Each interval keeps its limits at both of its ends (collocation by
-//! interpolation), so singular points need no care of their own.
+//! With a path q(σ), x = σ̇² and u = σ̈ the speed is q'·√x and the acceleration q'·u + q''·x: limits on them
+//! are linear or a disk in (u, x).
+//!
+//! Backwards along the grid follows from which x the end can still be reached, forwards the greatest x that
+//! stays inside (reachability analysis: H. Pham and Q.-C. Pham, *A New Approach to Time-Optimal Path
+//! Parameterization Based on Reachability Analysis*, IEEE T-RO 34(3), 2018).
+//!
+//! Each interval keeps its limits at both of its ends (collocation by interpolation), so singular points need
+//! no care of their own.
 
 use std::ops::Range;
 

@@ -1,9 +1,12 @@
 //! Whether the covariance of the pose says how wrong it is: robots built with the tolerances of their file.
 //!
-//! `cargo run --release -p omnibase-trials --example nees [-- <robots> [<lines of [estimator]> [<robot and path> [<first seed>]]]]`:
-//! 1000 robots by default, seeds from 1, whose file says what creep their treads have. The table is that of `docs/accuracy.md`.
-//! In place of lines a set of sensors (`gyro`, `gyro and mice`, `gyro, mice and poses`, `imu`) is joined with the wheels; the floor is then
-//! the simulator's, known to be even, and each sensor errs as its file says that it may.
+//! `cargo run --release -p omnibase-trials --example nees [-- <robots> [<lines of [estimator]> [<robot and
+//! path> [<first seed>]]]]`: 1000 robots by default, seeds from 1, whose file says what creep their treads
+//! have. The table is that of `docs/accuracy.md`.
+//!
+//! In place of lines a set of sensors (`gyro`, `gyro and mice`, `gyro, mice and poses`, `imu`) is joined with
+//! the wheels; the floor is then the simulator's, known to be even, and each sensor errs as its file says that
+//! it may.
 
 use std::ops::Range;
 

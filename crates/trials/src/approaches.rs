@@ -1,9 +1,10 @@
 //! Approaches to fences and obstacles: seeded worlds in which a whole robot's cycle drives a kinematic body.
 //!
-//! The body is wheels that turn as they are told, one cycle late, and don't slip. Its true pose drifts away from the
-//! believed one as far as the estimator says of itself that it may. So what is shown is what the cycle itself guarantees;
-//! tyres and motors are the margin's business. Distances are measured here with geometry of its own, which shares nothing
-//! with the robot's.
+//! The body is wheels that turn as they are told, one cycle late, and don't slip. Its true pose drifts away
+//! from the believed one as far as the estimator says of itself that it may. So what is shown is what the cycle
+//! itself guarantees; tyres and motors are the margin's business.
+//!
+//! Distances are measured here with geometry of its own, which shares nothing with the robot's.
 
 mod drift;
 mod measure;

@@ -11,7 +11,7 @@ fn the_table_in_the_documents_is_what_the_runs_print_and_keeps_the_bounds() {
     for case in cases() {
         let ran = case.run();
         let row = case.row(&ran);
-        // The mathematics of another machine's libc may round the last digit otherwise: 1 % and 2 µm.
+        // The mathematics of another machine's libc may round the last digit otherwise: 1 % and 2 um.
         let numbers = |row: &str| -> Vec<f64> {
             row.split('|')
                 .filter_map(|cell| cell.trim().trim_end_matches([' ', '%', 'k', 'g']).parse().ok())

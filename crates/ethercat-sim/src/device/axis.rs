@@ -28,8 +28,9 @@ pub struct LimitSwitches {
 ///
 /// The servo asks for the state at an instant, then applies the torque that holds from there on. Where several
 /// servos share a body, each of their axes moves the whole body on to the latest instant that any of them asked
-/// for; an axis that is asked for an earlier instant answers with the present state. Everything is reckoned from
-/// the instants alone, so that the same run gives the same bits.
+/// for; an axis that is asked for an earlier instant answers with the present state.
+///
+/// Everything is reckoned from the instants alone, so that the same run gives the same bits.
 pub trait Axis: Send {
     /// Moves on to `now` under the torque that was applied last, and says where the axis is.
     fn advance(&mut self, now: HostTime) -> AxisState;

@@ -1,10 +1,13 @@
 //! Which clock is the reference while SubDevices go and come.
 //!
-//! Frames carry the reference's time to everybody behind it, in the order of positions; who stands before it would be
-//! told nonsense. So the first operational SubDevice with a clock is the reference: another is elected when it is lost, and
-//! one that comes back before the present reference is set by that one's time first and takes over then. Its time
-//! goes on where the other's was: nothing is stepped, and what differs by the way of the frame (delays measured from
-//! the first reference, some hundred ns) the clocks' own control loops slew.
+//! Frames carry the reference's time to everybody behind it, in the order of positions; who stands before it
+//! would be told nonsense.
+//!
+//! So the first operational SubDevice with a clock is the reference: another is elected when it is lost, and
+//! one that comes back before the present reference is set by that one's time first and takes over then.
+//!
+//! Its time goes on where the other's was: nothing is stepped, and what differs by the way of the frame (delays
+//! measured from the first reference, some hundred ns) the clocks' own control loops slew.
 
 use super::diagnosis::Health;
 use super::{CyclicBus, Goal, TransitionStatus};
@@ -52,7 +55,7 @@ impl<L: Link> CyclicBus<L> {
         match (self.pending_reference, setting) {
             (None, Some(position)) => {
                 self.pending_reference = Some(position);
-                // Until it has its time nobody is told any: clocks drift less than 1 µs meanwhile.
+                // Until it has its time nobody is told any: clocks drift less than 1 us meanwhile.
                 self.command_clock(Command::Fprd);
             }
             (Some(position), None) => {

@@ -1,11 +1,15 @@
 //! What of a sensor is off, and by how much: its clock, or how much it tells of what it measures.
 //!
-//! A reading whose instant is δ too early tells what will be: it is off by δ times the change of what it tells; one that tells a share κ
-//! too little is off by κ times that itself. What such a flaw makes of all that is estimated is followed along with it, reading by
-//! reading, so that of each reading is known what it would make of it, and what all of them tell of it together (generalized
-//! likelihood ratio: Willsky and Jones, *IEEE Trans. Automatic Control* 21, 1976). Wheels that lag, as those do that slip while they
-//! are accelerated, count as one more: where they explain what is seen about as well, no sensor is named, nor where two sensors explain
-//! it alike. In even motion nothing tells of clocks, and at rest nothing of shares.
+//! A reading whose instant is δ too early tells what will be: it is off by δ times the change of what it tells;
+//! one that tells a share κ too little is off by κ times that itself.
+//!
+//! What such a flaw makes of all that is estimated is followed along with it, reading by reading, so that of
+//! each reading is known what it would make of it, and what all of them tell of it together (generalized
+//! likelihood ratio: Willsky and Jones, *IEEE Trans. Automatic Control* 21, 1976).
+//!
+//! Wheels that lag, as those do that slip while they are accelerated, count as one more: where they explain
+//! what is seen about as well, no sensor is named, nor where two sensors explain it alike. In even motion
+//! nothing tells of clocks, and at rest nothing of shares.
 
 use super::lags::sees;
 use super::{Fading, Knowledge, Mounted, rates};

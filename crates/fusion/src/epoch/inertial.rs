@@ -1,10 +1,14 @@
 //! Accelerations of an epoch: whether the floor carries what the wheels say.
 //!
-//! An accelerometer knows no speed: a slope of one degree looks like 0.17 m/s². What it does know is how fast the speed
-//! changes within a few tenths of a second, and that is where wheels lie. So what it tells beside the wheels is taken for
-//! its bias as long as it is small or lasts; what begins suddenly, against the wheels' own acceleration, is slip, and its
-//! integral says how fast that may be: the slip becomes as uncertain. Its value isn't taken from it: added up over wheels
-//! that slip and a platform that catches up it was further from the truth than nothing (tests/filter/inertial.rs).
+//! An accelerometer knows no speed: a slope of one degree looks like 0.17 m/s². What it does know is how fast
+//! the speed changes within a few tenths of a second, and that is where wheels lie.
+//!
+//! So what it tells beside the wheels is taken for its bias as long as it is small or lasts; what begins
+//! suddenly, against the wheels' own acceleration, is slip, and its integral says how fast that may be: the
+//! slip becomes as uncertain.
+//!
+//! Its value isn't taken from it: added up over wheels that slip and a platform that catches up it was further
+//! from the truth than nothing (tests/filter/inertial.rs).
 
 use omnibase_platform::BodyStep;
 

@@ -1,9 +1,11 @@
 //! Whose clock is off while the motion changes strongly: what such a sensor tells differs as that changes, and from nobody else's so.
 //!
-//! There a clock that is off looks like slip, and is gated or taken for it before its likelihood tells anything ([`super::flaws`]).
-//! What a sensor is off from the wheels, slip or not, is held against the change of what is expected, by a regression with an intercept
-//! over the last tenths of a second, so that a bias isn't taken for it. Wheels that begin to slip look alike: only where another sensor
-//! that would see the slip sees none, a clock is named.
+//! There a clock that is off looks like slip, and is gated or taken for it before its likelihood tells anything
+//! ([`super::flaws`]). What a sensor is off from the wheels, slip or not, is held against the change of what is
+//! expected, by a regression with an intercept over the last tenths of a second, so that a bias isn't taken for it.
+//!
+//! Wheels that begin to slip look alike: only where another sensor that would see the slip sees none, a clock
+//! is named.
 
 use super::rates::Rates;
 use super::{Fading, Knowledge, rates};

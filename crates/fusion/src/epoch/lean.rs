@@ -1,9 +1,12 @@
 //! Who leans: what a sensor tells is off a little and always to one side, each reading within its gate.
 //!
-//! Where all is as believed, what readings are off is white: its mean over some tenths of a second is small. A sensor whose clock
-//! is off while the motion changes slowly leans, and so does one beside wheels that creep: who of both is wrong nobody knows.
-//! What is told stays as it is; the covariance counts with what the mean is off. Where a sensor of poses leans as well, it tells who
-//! is wrong: a gyro that turns too much is drawn back by poses, while one beside wheels that turn too little is drawn on.
+//! Where all is as believed, what readings are off is white: its mean over some tenths of a second is small. A
+//! sensor whose clock is off while the motion changes slowly leans, and so does one beside wheels that creep:
+//! who of both is wrong nobody knows.
+//!
+//! What is told stays as it is; the covariance counts with what the mean is off. Where a sensor of poses leans
+//! as well, it tells who is wrong: a gyro that turns too much is drawn back by poses, while one beside wheels
+//! that turn too little is drawn on.
 
 /// The mean of speeds is one of so long, and that of poses, s: these are as wrong as what was added up.
 pub(super) const OF_SPEEDS_S: f64 = 0.5;

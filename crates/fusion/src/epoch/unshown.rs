@@ -1,9 +1,12 @@
 //! What a gyro claims that never was seen to tell a turn: that there is none.
 //!
-//! One that is dead says the same as one of a platform that goes straight, and a control law that holds the heading that is believed
-//! keeps it so: what wheels truly turn is taken for slip and for their geometry, each reading within its gate. So until a gyro was seen
-//! to tell of a turn as the others do ([`super::flaws`]), or too long after that, what is told counts with the pose being no better
-//! known than by wheels that turned as they said. That isn't so any more as soon as it is shown, or a pose tells the heading.
+//! One that is dead says the same as one of a platform that goes straight, and a control law that holds the
+//! heading that is believed keeps it so: what wheels truly turn is taken for slip and for their geometry, each
+//! reading within its gate.
+//!
+//! So until a gyro was seen to tell of a turn as the others do ([`super::flaws`]), or too long after that, what
+//! is told counts with the pose being no better known than by wheels that turned as they said. That isn't so
+//! any more as soon as it is shown, or a pose tells the heading.
 
 use omnibase_platform::{BodyStep, Pose2};
 

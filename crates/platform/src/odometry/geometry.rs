@@ -4,10 +4,13 @@
 //! and come back where it closes. The pose is off by J·p, to first order, with J = ∂pose/∂p integrated along the motion,
 //! and its covariance is J·Σ·Jᵀ.
 //!
-//! With R·ω = B·ξ (see [`Kinematics`]), a wheel's row b = (aₓ, a_y, x·a_y − y·aₓ)/(a·u) shows its surface the way b·ξ. Where
-//! the wheel is another one, a step ξ is wrong by B⁺ times what each surface shows wrong, to first order. What four and more
-//! wheels contradict each other by, their treads share out: B⁺ is that of the step's [`Treads`], not of the odometry's own fit,
-//! which differs from it only by what wheels that are as they are said to be never say.
+//! With R·ω = B·ξ (see [`Kinematics`]), a wheel's row b = (aₓ, a_y, x·a_y − y·aₓ)/(a·u) shows its surface the
+//! way b·ξ. Where the wheel is another one, a step ξ is wrong by B⁺ times what each surface shows wrong, to
+//! first order.
+//!
+//! What four and more wheels contradict each other by, their treads share out: B⁺ is that of the step's
+//! [`Treads`], not of the odometry's own fit, which differs from it only by what wheels that are as they are
+//! said to be never say.
 //!
 //! | error | a wheel's surface shows too much by |
 //! |---|---|
@@ -168,10 +171,12 @@ impl GeometryErrors {
 
     /// By how much they and all else may make a pose more uncertain.
     ///
-    /// What a way of w metres and t radians adds to an error in any direction is no greater than |B⁺ᵢ|·|shown|, and that
-    /// no greater than w·|its part for x and y| + t·|its part for the heading|; lengths of vectors of such sums are no
-    /// greater than the sums of their lengths (Minkowski). Where wheels are more than three, B⁺ is that of hubs that go alike
-    /// for the first; what it becomes by turning is counted with the second ([`GeometryErrors::by_turning`]).
+    /// What a way of w metres and t radians adds to an error in any direction is no greater than |B⁺ᵢ|·|shown|,
+    /// and that no greater than w·|its part for x and y| + t·|its part for the heading|; lengths of vectors of
+    /// such sums are no greater than the sums of their lengths (Minkowski).
+    ///
+    /// Where wheels are more than three, B⁺ is that of hubs that go alike for the first; what it becomes by
+    /// turning is counted with the second ([`GeometryErrors::by_turning`]).
     pub(super) fn growth(&self, variances: &CovarianceSettings) -> PoseGrowth {
         let alike = self.alike();
         let length = |size: fn(&Vector3<f64>, &Vector3<f64>) -> f64| {
@@ -205,11 +210,15 @@ impl GeometryErrors {
 
     /// What a radian adds at most where treads share out what wheels contradict each other by.
     ///
-    /// With y what surfaces show wrong, A what B⁺ is where hubs go alike and P = 1 − B·A: B⁺·y = B⁺·y_t + A·y_w + B⁺·P·y_w, of
-    /// which the second is counted per metre. Resistances are those of hubs that go alike times 1 + dᵢ, |dᵢ| ≤ t·|place of the
-    /// hub|/w where they are over their own, so that B⁺·P·y_w = B⁺·d·P·y_w. And whatever resistances are, B⁺ is a mean of
-    /// the inverses of all sets of three wheels (Ben-Tal and Teboulle, *Linear Algebra and its Applications* 139, 1990), so
-    /// that nothing it makes is greater than what one of these does.
+    /// With y what surfaces show wrong, A what B⁺ is where hubs go alike and P = 1 − B·A:
+    /// B⁺·y = B⁺·y_t + A·y_w + B⁺·P·y_w, of which the second is counted per metre.
+    ///
+    /// Resistances are those of hubs that go alike times 1 + dᵢ, |dᵢ| ≤ t·|place of the hub|/w where
+    /// they are over their own, so that B⁺·P·y_w = B⁺·d·P·y_w.
+    ///
+    /// And whatever resistances are, B⁺ is a mean of the inverses of all sets of three wheels (Ben-Tal and
+    /// Teboulle, *Linear Algebra and its Applications* 139, 1990), so that nothing it makes is greater than
+    /// what one of these does.
     fn by_turning(&self, size: fn(&Vector3<f64>) -> f64) -> f64 {
         let alike = self.alike();
         let arms_m = self.treads.arms_m();

@@ -184,11 +184,11 @@ mod tests {
         values.into_iter().for_each(|value| quantiles.push(value));
         let html = html("Round trip", &quantiles, Some(1e-3));
         assert_eq!(html.matches("class=\"bar\"").count(), 2);
-        assert!(html.contains("time in µs, logarithmic") && html.contains("max 5000 µs"), "{html}");
-        // The period of 1 ms lies between 50 µs and 5 ms, as log 20 lies between 0 and log 100, but for the margins.
+        assert!(html.contains("time in us, logarithmic") && html.contains("max 5000 us"), "{html}");
+        // The period of 1 ms lies between 50 us and 5 ms, as log 20 lies between 0 and log 100, but for the margins.
         let at = html.split("<path class=\"limit\" d=\"M").nth(2).unwrap().split(' ').next().unwrap();
         let expected = WIDTH * (0.02 + 20f64.log10() / 2.0) / 1.04;
         assert!((at.parse::<f64>().unwrap() - expected).abs() < 1.0, "{at}");
-        assert!(html.contains("period 1000 µs"), "{html}");
+        assert!(html.contains("period 1000 us"), "{html}");
     }
 }

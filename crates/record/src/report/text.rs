@@ -65,7 +65,7 @@ pub(super) fn count(value: u64) -> String {
 /// Whole microseconds, milliseconds or seconds of a time in s.
 pub(super) fn duration(seconds: f64) -> String {
     match seconds.abs() {
-        size if size < 1e-3 => format!("{} µs", significant(seconds * 1e6)),
+        size if size < 1e-3 => format!("{} us", significant(seconds * 1e6)),
         size if size < 1.0 => format!("{} ms", significant(seconds * 1e3)),
         _ => format!("{} s", fixed(seconds, 3)),
     }
@@ -89,7 +89,7 @@ impl Unit {
     /// For lengths in m up to `greatest`.
     pub(super) fn length(greatest: f64) -> Self {
         match greatest {
-            size if size < 1e-3 => Unit { name: "µm", factor: 1e6 },
+            size if size < 1e-3 => Unit { name: "um", factor: 1e6 },
             size if size < 1.0 => Unit { name: "mm", factor: 1e3 },
             _ => Unit::plain("m"),
         }
@@ -103,8 +103,8 @@ impl Unit {
     /// For times in s up to `greatest`.
     pub(super) fn time(greatest: f64) -> Self {
         match greatest {
-            // Most times of a cycle are some µs, even where one of them is some ms.
-            size if size < 20e-3 => Unit { name: "µs", factor: 1e6 },
+            // Most times of a cycle are some us, even where one of them is some ms.
+            size if size < 20e-3 => Unit { name: "us", factor: 1e6 },
             size if size < 2.0 => Unit { name: "ms", factor: 1e3 },
             _ => Unit::plain("s"),
         }

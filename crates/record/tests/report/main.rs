@@ -87,7 +87,7 @@ fn the_page_tells_figures_limits_events_and_phases() {
     let run = square(3, LAP);
     let words = words(&html(&run));
     let latest = run.column("/timing", "round_trip_ns").unwrap().fold(0.0, f64::max);
-    let latest = format!("max {:.0} µs", latest / 1000.0);
+    let latest = format!("max {:.0} us", latest / 1000.0);
     for expected in [
         &latest,
         "bmm: square of 2 m",

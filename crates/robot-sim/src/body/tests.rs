@@ -94,7 +94,7 @@ fn a_body_that_slides_freely_is_braked_by_friction_alone() {
     let way = body.pose().x_m - start;
     let exact = before * 0.5 - 0.5 * 0.3 * GRAVITY_M_S2 * 0.25;
     assert!((way - exact).abs() < 1e-9, "{way} {exact}");
-    // It comes to rest at the end of v²/(2µg) and stays there.
+    // It comes to rest at the end of v²/(2μg) and stays there.
     run(&mut body, &[], 1.0);
     assert!(body.twist_in_body().vx_m_s.abs() < 1e-9, "{:?}", body.twist_in_body());
     let total = body.pose().x_m - start;

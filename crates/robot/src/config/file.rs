@@ -78,15 +78,15 @@ pub struct RobotFile {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default)]
 pub struct BusTable {
-    /// Period of the cycle, µs.
+    /// Period of the cycle, us.
     #[schemars(range(min = 50, max = 100_000))]
     pub cycle_us: Option<u32>,
-    /// How long an answer is awaited, µs; default: half the cycle.
+    /// How long an answer is awaited, us; default: half the cycle.
     #[schemars(range(min = 1, max = 100_000))]
     pub receive_timeout_us: Option<u32>,
     /// How the drives are synchronised; default: `sync0`.
     pub synchronisation: Option<Synchronisation>,
-    /// Shift of SYNC0 against multiples of the cycle, µs; default: half the cycle.
+    /// Shift of SYNC0 against multiples of the cycle, us; default: half the cycle.
     #[schemars(range(min = -100_000, max = 100_000))]
     pub sync0_shift_us: Option<i32>,
     /// Who sets the pace; default: `distributed_clock`.

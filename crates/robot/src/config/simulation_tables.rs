@@ -113,7 +113,7 @@ pub struct SimulationTable {
     pub event: Vec<EventTable>,
     /// A file of more `[[event]]`.
     pub events_file: Option<String>,
-    /// Step of the integration, µs.
+    /// Step of the integration, us.
     #[schemars(range(min = 1, max = 2_000))]
     pub step_us: Option<u32>,
 }

@@ -1,9 +1,10 @@
 //! Control by torque with a disturbance observer: what torques and accelerations disagree by is taken back as a force.
 //!
-//! The law is that of `torque_law.rs`, with d̂' = g·(F_m − F_f − M·(Z̈ − Z̈r) − d̂), in the cycle after: F_m the wrench by the torques that the drives
-//! measure, F_f what was fed forward when they were asked for it, M the first estimates of mass and inertia (K. Ohnishi, M. Shibata and
-//! T. Murakami, *Motion control for advanced mechatronics*, IEEE/ASME Trans. Mechatronics 1, 1996). Both wrenches go through the filter
-//! of the measured speed, so that they are as old as it.
+//! The law is that of `torque_law.rs`, with d̂' = g·(F_m − F_f − M·(Z̈ − Z̈r) − d̂), in the cycle after: F_m the wrench by the torques
+//! that the drives measure, F_f what was fed forward when they were asked for it, M the first estimates of mass and inertia (K.
+//! Ohnishi, M. Shibata and T. Murakami, *Motion control for advanced mechatronics*, IEEE/ASME Trans. Mechatronics 1, 1996).
+//!
+//! Both wrenches go through the filter of the measured speed, so that they are as old as it.
 //! - M is never what is learnt, for it is a part of the loop's gain; a wrong one shows in accelerations beside the wished one alone;
 //! - what the drives gave is counted, not what they were asked for: torques that were scaled down wind nothing up;
 //! - at rest, while a wheel slips and while a limit or the floor holds torques back d̂ stays as it is;

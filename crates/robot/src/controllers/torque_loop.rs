@@ -1,9 +1,11 @@
 //! The loop that a law of torque closes along one axis, with its margins: wheel, tread, delay and filters.
 //!
-//! Wheels of modal mass w stand on a body of mass m through the treads, a spring k with a damper c. Collocated, force to wheel
-//! speed: G = 1/(w·s + 1/(1/(c + k/s) + 1/(m·s))). A torque acts two periods after its measurement, holds for one and follows
-//! with the drive's lag τ; the law's force is K·low-pass(speed + Kp·way) and `integral_1_s` times its integral. With the wheels' rows b, one axis has w = Σb²·j/R² and
-//! k = Σb²·(one tread's); about the vertical axis the same holds in kg·m² and N·m·s/rad.
+//! Wheels of modal mass w stand on a body of mass m through the treads, a spring k with a damper c. Collocated, force to
+//! wheel speed: G = 1/(w·s + 1/(1/(c + k/s) + 1/(m·s))). A torque acts two periods after its measurement, holds for one and
+//! follows with the drive's lag τ; the law's force is K·low-pass(speed + Kp·way) and `integral_1_s` times its integral.
+//!
+//! With the wheels' rows b, one axis has w = Σb²·j/R² and k = Σb²·(one tread's); about the vertical axis the
+//! same holds in kg·m² and N·m·s/rad.
 //!
 //! A disturbance observer takes off Q·(M·acceleration − torque), Q = 1/(s/g + 1), from speed and torque behind one filter, a period
 //! later: the law is (K·low-pass(speed + Kp·way) + Q·M·acceleration)/(1 − Q·filter·path), and path what leads from command to torque.

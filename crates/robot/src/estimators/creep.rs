@@ -21,12 +21,16 @@ const ROLLERS_TURN_M_S: f64 = 1e-3;
 
 /// Takes the creep of the treads out of what the encoders count, by the force that each wheel needs for what the platform does.
 ///
-/// A contact with force `f` under load `N` slips at `c·|v|·f/N` against the direction of `f` (Carter's law for small
-/// forces, K. L. Johnson, *Contact Mechanics*, 1985, chapter 8), `v` the velocity of the wheel's hub. The wheels' forces
-/// accelerate the platform by what the wheels gained of speed (about its centre as a disc that reaches out to the wheels),
-/// and they push against the rollers, which resist with a share of their loads wherever they turn. All of that is in
-/// proportion to the mass as the loads are, so that no mass is needed; its centre is taken to stand over the platform's, and where
-/// the file tells its height (`grip.centre_of_mass_height_m`) an acceleration shifts the loads.
+/// A contact with force `f` under load `N` slips at `c·|v|·f/N` against the direction of `f` (Carter's law for
+/// small forces, K. L. Johnson, *Contact Mechanics*, 1985, chapter 8), `v` the velocity of the wheel's hub.
+///
+/// The wheels' forces accelerate the platform by what the wheels gained of speed (about its centre as a disc
+/// that reaches out to the wheels), and they push against the rollers, which resist with a share of their loads
+/// wherever they turn.
+///
+/// All of that is in proportion to the mass as the loads are, so that no mass is needed; its centre is taken to
+/// stand over the platform's, and where the file tells its height (`grip.centre_of_mass_height_m`) an
+/// acceleration shifts the loads.
 #[derive(Clone, Debug)]
 pub(super) struct Creep {
     kinematics: Kinematics,

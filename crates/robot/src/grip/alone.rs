@@ -1,9 +1,11 @@
 //! Wheels that turn alone: their rims answer their motors as a wheel does that carries no platform.
 //!
-//! A motor's force that swings moves a gripping rim as little as the platform is heavy, and what it changes by reaches the floor; a
-//! sliding wheel gets μ·N (C.-A. de Coulomb), so all of the swing turns the wheel. Between the two lies the platform's mass over the
-//! wheels': no mass, friction or slope need be known. A law of torque swings by itself where it answers to wheels that slide, and where a
-//! motion begins; a drive that holds a speed gives whatever that takes, and tells nothing so.
+//! A motor's force that swings moves a gripping rim as little as the platform is heavy, and what it changes by
+//! reaches the floor; a sliding wheel gets μ·N (C.-A. de Coulomb), so all of the swing turns the wheel. Between
+//! the two lies the platform's mass over the wheels': no mass, friction or slope need be known.
+//!
+//! A law of torque swings by itself where it answers to wheels that slide, and where a motion begins; a drive
+//! that holds a speed gives whatever that takes, and tells nothing so.
 
 use omnibase_platform::PerWheel;
 

@@ -1,9 +1,11 @@
 //! What friction of the wheels costs at a speed: a feed-forward with two forces that are learnt.
 //!
-//! Every driven wheel resists in two ways: its spin (bearing, seals, rolling) against b·ξ, and the rollers that touch
-//! the floor against q·ξ, their own turning, with q = t − (u·t)/(a·u)·a and t ⟂ a. Both are dry friction, as each wheel's
-//! load is, so with the platform's twist ξ in body axes and a wheel's load over the mean n the wrench that makes up for them is
-//! F = c_spin·Σ n·sat(b·ξ/v₀)·b + c_roller·Σ n·sat(q·ξ/v₀)·q. It depends on the wish alone: no feedback, nothing to ring.
+//! Every driven wheel resists in two ways: its spin (bearing, seals, rolling) against b·ξ, and the rollers that
+//! touch the floor against q·ξ, their own turning, with q = t − (u·t)/(a·u)·a and t ⟂ a.
+//!
+//! Both are dry friction, as each wheel's load is, so with the platform's twist ξ in body axes and a wheel's
+//! load over the mean n the wrench that makes up for them is F = c_spin·Σ n·sat(b·ξ/v₀)·b + c_roller·Σ
+//! n·sat(q·ξ/v₀)·q. It depends on the wish alone: no feedback, nothing to ring.
 
 use omnibase_platform::{Kinematics, MAX_WHEELS};
 

@@ -1,9 +1,11 @@
 //! The floor is asked: laws of speed swing what they ask of the wheels by a part of it, and a wheel whose push doesn't follow slides.
 //!
-//! A drive that holds a speed gives whatever that takes, so what a floor lacks looks like a lighter platform or a slope's help for as long
-//! as the motion stays. Asked for an acceleration a(t) the law adds p·a·cos(ω·t): a gripping wheel's push swings with its rim by the
-//! platform's mass, a sliding one's not at all (C.-A. de Coulomb). What swings is what a whole swing has in common with sine and cosine
-//! beside a straight line (W. C. Michels and N. L. Curtis, *Rev. Sci. Instrum.* 12, 1941), so neither a force nor its steady change tells.
+//! A drive that holds a speed gives whatever that takes, so what a floor lacks looks like a lighter platform or a
+//! slope's help for as long as the motion stays. Asked for an acceleration a(t) the law adds p·a·cos(ω·t): a gripping
+//! wheel's push swings with its rim by the platform's mass, a sliding one's not at all (C.-A. de Coulomb).
+//!
+//! What swings is what a whole swing has in common with sine and cosine beside a straight line (W. C. Michels
+//! and N. L. Curtis, *Rev. Sci. Instrum.* 12, 1941), so neither a force nor its steady change tells.
 
 use std::f64::consts::{PI, TAU};
 

@@ -1,9 +1,11 @@
 //! Wheels that slide: what the floor gives them no longer depends on what is asked of them.
 //!
-//! Where wheels grip, their forces follow the platform's acceleration by mass and inertia; a sliding wheel gets μ·N (C.-A. de Coulomb).
-//! So an acceleration that setpoint and rims change by alike and a wheel's force doesn't follow is a slide, whatever of the masses that
-//! the file allows is the platform's. Slopes don't change then, and a push would have to come with that change and be as large.
-//! A slide that began with the first motion shows in nothing else: the platform looks light and well.
+//! Where wheels grip, their forces follow the platform's acceleration by mass and inertia; a sliding wheel gets
+//! μ·N (C.-A. de Coulomb). So an acceleration that setpoint and rims change by alike and a wheel's force
+//! doesn't follow is a slide, whatever of the masses that the file allows is the platform's.
+//!
+//! Slopes don't change then, and a push would have to come with that change and be as large. A slide that began
+//! with the first motion shows in nothing else: the platform looks light and well.
 
 use omnibase_platform::{Kinematics, Wrench2};
 

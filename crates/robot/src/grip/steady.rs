@@ -1,10 +1,14 @@
 //! Wheels that slide while the motion stays: together they push less than the least that the platform can weigh asks for.
 //!
-//! Over the floor F = m·a. Where rims show an acceleration for which the lightest that the platform can be would take more force than
-//! its wheels give it, they turn without taking it along. It shows in a steady circle, too, where no force changes its size. The
-//! least is that of the file, and of what was learnt: a slide makes it look lighter, never heavier. A slope that helps looks the same, so
-//! a slide is told where more is missing than slopes explain; then all that was missing before was a slide as well, and it slides until
-//! the floor has made up for the speed that it lacks, or gives it less than it did.
+//! Over the floor F = m·a. Where rims show an acceleration for which the lightest that the platform can be
+//! would take more force than its wheels give it, they turn without taking it along. It shows in a steady
+//! circle, too, where no force changes its size.
+//!
+//! The least is that of the file, and of what was learnt: a slide makes it look lighter, never heavier.
+//!
+//! A slope that helps looks the same, so a slide is told where more is missing than slopes explain; then all
+//! that was missing before was a slide as well, and it slides until the floor has made up for the speed that it
+//! lacks, or gives it less than it did.
 
 use super::sliding::{FAST_1_S, HELD_M_S, LASTING_S, Slide};
 use super::{FORGOTTEN_S, GRAVITY_M_S2, LEAST_N};

@@ -422,10 +422,11 @@ impl Guard {
         }
     }
 
-    /// The thesis's avoidance (8.3.6), of the nearest obstacle alone: within its safety circle the speed is replaced by
-    /// a circular one, in the sense nearer to the wished speed, of a coefficient times the circle's radius, until the
-    /// straight way to where the plan is no longer enters the circle. Like there, the platform's limits and braking
-    /// aren't counted.
+    /// The thesis's avoidance (8.3.6), of the nearest obstacle alone: within its safety circle the speed is
+    /// replaced by a circular one, in the sense nearer to the wished speed, of a coefficient times the circle's
+    /// radius, until the straight way to where the plan is no longer enters the circle.
+    ///
+    /// Like there, the platform's limits and braking aren't counted.
     fn circulating(&self, here: &Setpoint, drive: Drive<'_>, wish: Twist2) -> Option<Twist2> {
         let origin = [here.odom_from_body.x_m, here.odom_from_body.y_m];
         let reach = |centre: Point, radius_m: f64| length(plus(origin, centre, -1.0)) - radius_m;

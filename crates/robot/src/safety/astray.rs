@@ -1,9 +1,10 @@
 //! Whether the platform follows the ramp of its stop, whatever law leads it: one that heeds nothing isn't stopped by a ramp.
 //!
-//! By how far the wheels carry the platform away from the set point, beyond what the set point itself moves, is added up from the
-//! stop's begin; what brings it back is taken off. So a law may come back from an error of before at any speed, and one
-//! that brakes harder than the ramp goes nowhere. What the motors resist counts little: then it is a push, a
-//! slope, or a correction that ran too far.
+//! By how far the wheels carry the platform away from the set point, beyond what the set point itself moves, is
+//! added up from the stop's begin; what brings it back is taken off. So a law may come back from an error of
+//! before at any speed, and one that brakes harder than the ramp goes nowhere.
+//!
+//! What the motors resist counts little: then it is a push, a slope, or a correction that ran too far.
 
 use omnibase_platform::{Kinematics, PerWheel, Twist2, Wrench2, axes, pose_error};
 

@@ -1,8 +1,10 @@
 //! A heading that is free between its first and its last one: it turns as the motion is fastest.
 //!
-//! The heading is a C2 cubic spline over σ, even knots apart. Its values are sought, all at once and ever fewer together, with steps that become smaller
-//! (a pattern search: R. Hooke and T. A. Jeeves, *"Direct Search" Solution of Numerical and Statistical Problems*, J. ACM 8(2),
-//! 1961), on knots that become closer, by the time of the progress without regard to jerk, and what the jerk then costs at each
+//! The heading is a C2 cubic spline over σ, even knots apart. Its values are sought, all at once and ever fewer
+//! together, with steps that become smaller (a pattern search: R. Hooke and T. A. Jeeves, *"Direct Search"
+//! Solution of Numerical and Statistical Problems*, J. ACM 8(2), 1961), on knots that become closer.
+//!
+//! What is made less is the time of the progress without regard to jerk, and what the jerk then costs at each
 //! stop. It finds a good heading, not surely the best one.
 
 use std::ops::Range;

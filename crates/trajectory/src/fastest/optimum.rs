@@ -1,11 +1,17 @@
 //! The shortest motion near another one, over the whole of its grid at once.
 //!
-//! The other motion, as a spline over even steps of its time s, takes the place of the way: with x = ṡ² and u = s̈ a limit on the speed is
-//! linear in x, one on the acceleration a ball or a plane in (x, u), and one on the jerk a ball in (x, u, u') whose radius is 1/√x. So
-//! nothing is singular where the motion rests, and x is about 1 everywhere. On each step u' is constant. The least time is found by a
-//! primal-dual interior-point method (S. Boyd and L. Vandenberghe, *Convex Optimization*, 2004, 11.7), with the jerk's radius, which alone isn't
-//! convex, taken without its curvature; each of its linear systems is solved along the grid, as that of a linear regulator. Where the
-//! motion exceeds limits between the looks, they are lowered on that step. What is found is the best near by, not surely the best.
+//! The other motion, as a spline over even steps of its time s, takes the place of the way: with x = ṡ² and u =
+//! s̈ a limit on the speed is linear in x, one on the acceleration a ball or a plane in (x, u), and one on the
+//! jerk a ball in (x, u, u') whose radius is 1/√x.
+//!
+//! So nothing is singular where the motion rests, and x is about 1 everywhere. On each step u' is constant.
+//!
+//! The least time is found by a primal-dual interior-point method (S. Boyd and L. Vandenberghe, *Convex
+//! Optimization*, 2004, 11.7), with the jerk's radius, which alone isn't convex, taken without its curvature;
+//! each of its linear systems is solved along the grid, as that of a linear regulator.
+//!
+//! Where the motion exceeds limits between the looks, they are lowered on that step. What is found is the best
+//! near by, not surely the best.
 
 mod scene;
 mod sides;

@@ -1,9 +1,11 @@
 //! Going on turning: the second way in which a motion near the speed limit can stay within limits for ever.
 //!
-//! Braking an acceleration along its own direction would leave the disc |v| <= V where the speed only turns: driving
-//! a circle at the full speed is possible for ever, though. With s the length of v, g = Δs and δ the angle by
-//! which v turned in the last cycle, going on means to turn by δ in every cycle while g falls to 0 by c per cycle
-//! (a length that falls already goes on falling by its ratio). From the cosine rule, exactly for the sequence:
+//! Braking an acceleration along its own direction would leave the disc |v| <= V where the speed only turns:
+//! driving a circle at the full speed is possible for ever, though.
+//!
+//! With s the length of v, g = Δs and δ the angle by which v turned in the last cycle, going on means to turn
+//! by δ in every cycle while g falls to 0 by c per cycle (a length that falls already goes on falling by its
+//! ratio). From the cosine rule, exactly for the sequence:
 //!
 //! - |a|·T = √(g² + 2·s·s'·(1 − cos δ)), largest at the end of growth for lengths and at its beginning for g;
 //! - |j|·T² <= √((c + 2·V·(1 − cos δ))² + (2·g·sin δ)²), which gives the largest c;

@@ -1,9 +1,13 @@
 //! Odometry that drifts: where the body truly is, by errors drawn from what the estimator says of itself.
 //!
-//! A third of the worlds wander: the error's steps are drawn so that its covariance is the estimator's at every moment,
-//! wrong headings turn the way that follows. A third is wrong all the time, by a direction of the covariance's
-//! ellipsoid that stays and two to three standard deviations: an error that nothing averages out. And a third is in every
-//! cycle wrong by what leaves the least room of all errors within three standard deviations.
+//! A third of the worlds wander: the error's steps are drawn so that its covariance is the estimator's at every
+//! moment, wrong headings turn the way that follows.
+//!
+//! A third is wrong all the time, by a direction of the covariance's ellipsoid that stays and two to three
+//! standard deviations: an error that nothing averages out.
+//!
+//! And a third is in every cycle wrong by what leaves the least room of all errors within three standard
+//! deviations.
 
 use omnibase_platform::Pose2;
 use omnibase_robot::signals::PlatformState;

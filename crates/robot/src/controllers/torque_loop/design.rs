@@ -1,9 +1,13 @@
 //! The search for gains: of all low-passes and Kp the greatest K that leaves margins on every plant.
 //!
-//! The stiffest candidate that nothing speaks against yet is looked at first, so that few are looked at on every plant. Of a plant and
-//! a law z = plant·law is drawn, and the loop is 1 + K·z. The places where z crosses the real axis don't depend on K: as
-//! 1 + K·z turns about the origin by 2π for each of them beyond −1/K, they tell for every K whether it is stable. An observer's part o
-//! isn't in K: the loop is (1 + plant·o)·(1 + K·z) then, with z = plant·law/(1 + plant·o).
+//! The stiffest candidate that nothing speaks against yet is looked at first, so that few are looked at on
+//! every plant.
+//!
+//! Of a plant and a law z = plant·law is drawn, and the loop is 1 + K·z. The places where z crosses the real
+//! axis don't depend on K: as 1 + K·z turns about the origin by 2π for each of them beyond −1/K, they tell for
+//! every K whether it is stable.
+//!
+//! An observer's part o isn't in K: the loop is (1 + plant·o)·(1 + K·z) then, with z = plant·law/(1 + plant·o).
 
 use nalgebra::Complex;
 use std::f64::consts::TAU;

@@ -1,9 +1,12 @@
 //! One way in which the wheels may be wired, and how well the platform's equation of motion explains what was measured so.
 //!
-//! To the body's equation ([`crate::grip::equation`]) come slopes and pushes, as a force g that stands in odom and a moment h:
-//! F = … + (Rotᵀ·g, h), θ = (…, gx, gy, h).
-//! The likelihood of the filter's innovations says how well the supposition explains the motion (Y. Bar-Shalom, X. Rong Li, T. Kirubarajan, *Estimation with Applications to
-//! Tracking and Navigation*, 2001, section 11.6), with the tails of a Student's distribution: slip and pushes are rare and far off.
+//! To the body's equation ([`crate::grip::equation`]) come slopes and pushes, as a force g that stands in odom
+//! and a moment h: F = … + (Rotᵀ·g, h), θ = (…, gx, gy, h).
+//!
+//! The likelihood of the filter's innovations says how well the supposition explains the motion (Y. Bar-Shalom,
+//! X. Rong Li, T. Kirubarajan, *Estimation with Applications to Tracking and Navigation*, 2001, section 11.6),
+//! with the tails of a Student's distribution: slip and pushes are rare and far off.
+//!
 //! Where wheels are wired as the file says, what slip explains is no misfit.
 
 use omnibase_platform::{Kinematics, MAX_WHEELS};
