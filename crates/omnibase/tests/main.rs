@@ -4,6 +4,7 @@
 mod announced;
 mod bridge;
 mod calibrate;
+mod circles;
 mod command_line;
 mod commands;
 mod dashboard;
