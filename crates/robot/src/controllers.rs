@@ -16,6 +16,7 @@ use crate::signals::{Commands, Quantity};
 pub use adaptive_torque::AdaptiveTorque;
 pub use disturbance_observer::DisturbanceObserver;
 pub use speed::{ClosedLoopSpeed, OpenLoop, WheelSpeeds};
+pub(crate) use torque_design::TREAD_STIFFNESS_N_M;
 pub use torque_design::{SlowForce, TorqueDesign};
 pub use torque_loop::{LoopGains, Margins, Plant, TorqueLoop};
 

@@ -6,7 +6,7 @@ use crate::estimators::SPEED_FILTER_RAD_S;
 use crate::registry::{Made, StageError, given};
 
 /// Stiffness of a tread where the file doesn't say: all that treads are known to have, N/m.
-const TREAD_STIFFNESS_N_M: [f64; 2] = [1e5, 4e6];
+pub(crate) const TREAD_STIFFNESS_N_M: [f64; 2] = [1e5, 4e6];
 /// And its least damping.
 const TREAD_DAMPING_RATIO: f64 = 0.1;
 /// Time constant of a drive's torque where the file doesn't say, s.
