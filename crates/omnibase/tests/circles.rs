@@ -35,7 +35,8 @@ impl Sources {
             let path = entry.unwrap().path();
             let name = path.file_stem().unwrap().to_str().unwrap().to_owned();
             let is_root = ["lib", "main", "mod"].contains(&name.as_str());
-            let own = if is_root { module.clone() } else { [&module[..], &[name.clone()]].concat() };
+            let own =
+                if is_root { module.clone() } else { [&module[..], std::slice::from_ref(&name)].concat() };
             if path.is_dir() {
                 self.read(&path, &own);
             } else if path.extension().is_some_and(|end| end == "rs") && name != "tests" {
@@ -52,17 +53,21 @@ impl Sources {
             "self" | "super" => from.clone(),
             name => {
                 let child = [&from[..], &[name.to_owned()]].concat();
-                return self.texts.contains_key(&child).then(|| self.resolve(from, &self_and(path), depth))?;
+                return self
+                    .texts
+                    .contains_key(&child)
+                    .then(|| self.resolve(from, &self_and(path), depth))?;
             }
         };
-        while let Some(word) = rest.first().filter(|word| ["crate", "self", "super"].contains(&word.as_str())) {
+        while let Some(word) = rest.first().filter(|word| ["crate", "self", "super"].contains(&word.as_str()))
+        {
             if word == "super" {
                 at.pop();
             }
             rest = &rest[1..];
         }
         while let Some(name) = rest.first() {
-            let child = [&at[..], &[name.clone()]].concat();
+            let child = [&at[..], std::slice::from_ref(name)].concat();
             if !self.texts.contains_key(&child) {
                 break;
             }

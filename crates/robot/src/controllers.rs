@@ -5,7 +5,6 @@ mod disturbance_observer;
 mod speed;
 mod torque_design;
 mod torque_law;
-mod torque_loop;
 
 use omnibase_platform::{PerWheel, Wrench2};
 
@@ -16,8 +15,8 @@ use crate::signals::{Commands, Quantity};
 pub use adaptive_torque::AdaptiveTorque;
 pub use disturbance_observer::DisturbanceObserver;
 pub use speed::{ClosedLoopSpeed, OpenLoop, WheelSpeeds};
-pub use torque_design::{SlowForce, TorqueDesign};
-pub use torque_loop::{LoopGains, Margins, Plant, TorqueLoop};
+pub use torque_design::SlowForce;
+pub(crate) use torque_design::TREAD_STIFFNESS_N_M;
 
 /// From the instant that was measured to the middle of the time for which the command stands, in periods: one until
 /// the measurement is read, one until the command arrives, half of the period in which it holds.

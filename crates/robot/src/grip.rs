@@ -7,8 +7,8 @@
 //! A push does the opposite, for then the wheel's force is against it; a slope's force is learnt, and is among
 //! those of v̂.
 //!
-//! How far ahead counts depends on how well mass and friction are known by then. A gyro's turn is v̂'s. Of more
-//! than three wheels those that run ahead of what all of them show together slip as well.
+//! How far ahead counts depends on how well mass and friction are known by then, and on how fast treads give way.
+//! A gyro's turn is v̂'s. Of more than three wheels those that run ahead of what all of them show together slip as well.
 
 mod alone;
 pub(crate) mod equation;
@@ -20,11 +20,12 @@ pub(crate) mod loads;
 pub(crate) mod probe;
 mod sliding;
 mod steady;
+mod treads;
 mod watches;
 
 use omnibase_platform::{Kinematics, PerWheel, Wrench2, axes};
 
-use crate::config::{RobotPlan, wheel_kg};
+use crate::config::{RobotPlan, rated_nm, wheel_kg};
 use crate::decay::Decay;
 use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
 use alone::Alone;
@@ -36,6 +37,7 @@ use loads::Loads;
 use probe::{Extent, Probe};
 use sliding::{Slide, Sliding};
 use steady::Steady;
+use treads::Treads;
 
 /// Standard gravity, m/s² (ISO 80000-3).
 pub(crate) const GRAVITY_M_S2: f64 = 9.806_65;
@@ -73,6 +75,9 @@ const IMPOSSIBLE: f64 = 3.0;
 /// By which part of what its file says an empty platform may weigh less.
 const WEIGHED_SHARE: f64 = 0.05;
 
+/// A drive tells its torque in such parts of the rated one (0x6077).
+const TOLD_SHARE: f64 = 1e-3;
+
 /// The watch.
 #[derive(Clone, Debug)]
 pub(crate) struct Grip {
@@ -84,6 +89,7 @@ pub(crate) struct Grip {
     steady: Steady,
     alone: Alone,
     probe: Probe,
+    treads: Treads,
     extent: Extent,
     filter: Decay,
     drawn: Decay,
@@ -184,8 +190,10 @@ impl Grip {
             alone: Alone::new(
                 plan.kinematics.wheel_count(),
                 first.mass.1[0] * GRAVITY_M_S2 / plan.kinematics.wheel_count() as f64,
+                TOLD_SHARE * rated_nm(plan).into_iter().fold(0.0, f64::max) / greatest_m,
             ),
             probe: Probe::default(),
+            treads: Treads::new(plan),
             extent: Extent::new(plan),
             friction,
             loads: Loads::new(&plan.kinematics),
@@ -264,6 +272,7 @@ impl Grip {
         self.steady.forget();
         self.alone.forget();
         self.probe.forget();
+        self.treads.forget();
         self.wheels.fill(Wheel::default());
     }
 
@@ -285,12 +294,20 @@ impl Grip {
         let keep = if self.body.is_some() { self.filter.kept(span_s) } else { 0.0 };
         let (mut speeds_rad_s, mut torques_nm) =
             (PerWheel::from_fn(count, |_| 0.0), PerWheel::from_fn(count, |_| 0.0));
+        // A drive that holds a speed holds its rim against its tread.
+        let is_by_torque = wished.is_some_and(|wished| wished.by_torque);
+        if !is_by_torque {
+            self.treads.forget();
+        }
         let rims = self.wheels.iter_mut().zip(self.kinematics.wheels());
         for (at, ((wheel, rim), drive)) in rims.zip(present).enumerate() {
             let before_m_s = wheel.rim_m_s;
             wheel.rim_m_s = keep * before_m_s + (1.0 - keep) * rim.radius_m * drive.increment_rad / span_s;
             wheel.gains_m_s2 = if self.body.is_some() { (wheel.rim_m_s - before_m_s) / span_s } else { 0.0 };
             wheel.force_n = keep * wheel.force_n + (1.0 - keep) * drive.torque_nm / rim.radius_m;
+            if is_by_torque {
+                self.treads.take(at, wheel.force_n - self.wheel_kg * wheel.gains_m_s2, span_s);
+            }
             (speeds_rad_s[at], torques_nm[at]) = (wheel.rim_m_s / rim.radius_m, wheel.force_n * rim.radius_m);
         }
         let shown = axes(&self.kinematics.twist(&speeds_rad_s).twist_in_base);
@@ -420,7 +437,9 @@ impl Grip {
             if is_apart && sign * apart_m_s[at] > sign * wheel.ahead_m_s {
                 wheel.ahead_m_s = apart_m_s[at];
             }
-            let is_ahead = is_apart || is_driven && sign * wheel.ahead_m_s > least_m_s;
+            // A tread gives way, until it slides.
+            let ahead_m_s = sign * wheel.ahead_m_s - self.treads.ahead_m_s(at, sign);
+            let is_ahead = is_apart || is_driven && ahead_m_s > least_m_s;
             let is_doubted = match wheel.slips {
                 false => is_ahead,
                 true => wheel.ahead_m_s.abs() < 0.5 * least_m_s,

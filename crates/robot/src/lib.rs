@@ -43,6 +43,7 @@ mod settings;
 pub mod signals;
 pub mod stages;
 mod swing;
+pub mod torque_loop;
 mod traction;
 mod unread;
 

@@ -9,12 +9,12 @@ use omnibase_cia402::{Mode, Wanted};
 use omnibase_platform::{Pose2, PoseGrowth};
 
 use crate::config::WheelLimits;
-use crate::controllers::TorqueDesign;
 use crate::signals::{
     Allowed, AxisAsk, Commands, CycleTime, DriveMeasurement, DriveProgress, Dynamics, Exchange, FusionReport,
     GripReport, GuardReport, Inputs, MAX_WHEELS, Measurements, Outputs, Phase, PlatformState, Quantity,
     Request, RequestAnswer, Setpoint, Signals, WheelCommand,
 };
+use crate::torque_loop::TorqueDesign;
 
 /// What a device is told in one cycle.
 #[derive(Clone, Copy, Debug, PartialEq)]

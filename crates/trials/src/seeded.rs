@@ -4,9 +4,9 @@
 //! and the drives' lag, wheels by the file's tolerances, motors that give less than they promise, and two short ways.
 
 use omnibase_platform::GeometrySigmas;
-use omnibase_robot::controllers::{Margins, Plant};
 use omnibase_robot::estimators::covariance_settings;
 use omnibase_robot::signals::{MAX_WHEELS, SafetyReason};
+use omnibase_robot::torque_loop::{Margins, Plant};
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_robot_sim::{Grip, MachineParameters, Tread, WheelState};
 

@@ -59,3 +59,13 @@ fn four_rims_that_agree_are_not_said_to_slip_for_a_force_that_nobody_knows() {
 fn a_wheel_that_rings_as_a_motion_begins_is_not_said_to_turn_alone() {
     none_is(Wrong::FalseSlip, &[4138, 7009]);
 }
+
+#[test]
+fn a_soft_tread_that_lets_go_where_a_motion_turns_around_is_no_slip() {
+    none_is(Wrong::FalseSlip, &[1345, 6800, 12368]);
+}
+
+#[test]
+fn a_light_wheel_that_the_platform_carries_along_is_not_said_to_turn_alone() {
+    none_is(Wrong::FalseSlip, &[2222, 3211, 12911, 17052, 23603]);
+}

@@ -3,10 +3,11 @@
 //! The law is that of `torque_law.rs`, with a slow force d̂' = −i·K·low-pass(η). d̂ learns nothing at rest, while a wheel slips or torques
 //! are saturated, here or by a drive, nor from an η within the measurement's noise, and stays within its bounds.
 
-use super::torque_design::{INTEGRAL_1_S, SlowForce, TorqueDesign};
+use super::torque_design::{INTEGRAL_1_S, SlowForce};
 use super::torque_law::{Done, ForceBeside, TorqueLaw, keys, lever_m, most};
 use crate::config::RobotPlan;
 use crate::registry::{Kind, Made};
+use crate::torque_loop::TorqueDesign;
 
 /// η below this is noise and says nothing, m/s (as a surface speed about the vertical axis): some counts of a 20-bit
 /// encoder over the speed filter's time.

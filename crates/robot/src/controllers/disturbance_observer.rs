@@ -12,13 +12,14 @@
 
 use omnibase_platform::{Kinematics, PerWheel, Wrench2};
 
-use super::torque_design::{SlowForce, TorqueDesign};
+use super::torque_design::SlowForce;
 use super::torque_law::{Done, ForceBeside, TorqueLaw, keys, most};
 use crate::config::{Problem, RobotPlan, find_object};
 use crate::decay::Decay;
 use crate::estimators::SPEED_FILTER_RAD_S;
 use crate::registry::{Kind, Made, given, optional};
 use crate::signals::Measurements;
+use crate::torque_loop::TorqueDesign;
 
 /// A torque is asked for so many cycles before it is measured: two until it acts, and at the end of the one for which it holds.
 const DELAY_PERIODS: usize = 3;

@@ -1,12 +1,12 @@
 //! The gains of a law of torque for a robot: designed by what its file says of treads, wheels and delay, or given and checked.
 
-use super::torque_loop::{LoopGains, MOST_SENSITIVE, Margins, TorqueLoop};
 use crate::config::{ControllerTable, ESTIMATE_BOUNDS, Problem, RobotPlan, wheel_kg};
 use crate::estimators::SPEED_FILTER_RAD_S;
 use crate::registry::{Made, StageError, given};
+use crate::torque_loop::{LoopGains, MOST_SENSITIVE, Margins, TorqueDesign, TorqueLoop};
 
 /// Stiffness of a tread where the file doesn't say: all that treads are known to have, N/m.
-const TREAD_STIFFNESS_N_M: [f64; 2] = [1e5, 4e6];
+pub(crate) const TREAD_STIFFNESS_N_M: [f64; 2] = [1e5, 4e6];
 /// And its least damping.
 const TREAD_DAMPING_RATIO: f64 = 0.1;
 /// Time constant of a drive's torque where the file doesn't say, s.
@@ -21,18 +21,6 @@ pub enum SlowForce {
     Integral,
     /// It compares torques with what they did: `disturbance_observer`.
     Observer,
-}
-
-/// A robot's loops of torque along x, y and about the vertical, and what closes them.
-#[derive(Clone, Debug, PartialEq)]
-pub struct TorqueDesign {
-    /// What is known of each axis.
-    pub loops: [TorqueLoop; 3],
-    /// Its gains.
-    pub gains: [LoopGains; 3],
-    /// Gains for all treads, for where torques swing though the file says what the treads are: a floor on which wheels slip is as
-    /// soft as none. `None` where it says nothing, or where there are none.
-    pub softer: Option<[LoopGains; 3]>,
 }
 
 impl TorqueDesign {

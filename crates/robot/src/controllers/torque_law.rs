@@ -15,8 +15,6 @@ use std::fmt::Debug;
 
 use omnibase_platform::{Kinematics, Twist2, Wrench2, axes, pose_error};
 
-use super::torque_design::TorqueDesign;
-use super::torque_loop::LoopGains;
 use super::{Correction, LEAD_PERIODS, saturated, within_speed, wrench};
 use crate::config::{Limits, RobotPlan, WheelLimits, rated_nm};
 use crate::decay::Decay;
@@ -28,6 +26,7 @@ use crate::signals::{
 };
 use crate::stages::{Controller, Gain};
 use crate::swing::{AVERAGED, NOISE_OF_RATED, Swing};
+use crate::torque_loop::{LoopGains, TorqueDesign};
 
 /// So many half swings of what it commands, and its gains are those for all treads: before the stop for a torque that swings.
 const HALF_SWINGS: u32 = 3;

@@ -25,6 +25,10 @@ const REACHES: f64 = 0.6;
 /// Only of a swing that is at least this part of the greatest of all wheels': all of them together accelerate a gripping rim so little that
 /// what that takes of a greater one is far less than the rest.
 const PART: f64 = 0.3;
+/// A swing of fewer steps of the torque that drives tell is small: where none was told to turn alone for so long, s, a wheel doesn't whose
+/// rim the platform carries along, by what its other wheels' pushes and friction that turns give it.
+const STEPS: f64 = 4.0;
+const ANEW_S: f64 = 2.0;
 /// What gets less than this part of what it got a moment before grips, or is let go.
 const STILL_GIVEN: f64 = 0.5;
 /// Slower than this no slide is taken to be, m/s: how heavy the platform is may not be known.
@@ -71,6 +75,7 @@ impl Swings {
 struct Wheel {
     motor: Swings,
     floor: Swings,
+    carried: Swings,
     /// Whether it turns alone, for how long, s, and whether it was told to the cycle before.
     is_alone: bool,
     since_s: f64,
@@ -87,8 +92,10 @@ pub(super) struct Alone {
     slow: Decay,
     averaged: Decay,
     forgotten: Decay,
-    /// The square of a swing that says nothing, N².
+    /// The squares of a swing that says nothing, and of a small one, N²; and for how long none was told, s.
     least: f64,
+    small: f64,
+    untold_s: f64,
     wheels: PerWheel<Wheel>,
     /// For how long a wheel must turn alone to be told, s.
     lasting_s: f64,
@@ -97,14 +104,16 @@ pub(super) struct Alone {
 }
 
 impl Alone {
-    /// Of so many wheels that each bear so much at least, N.
-    pub(super) fn new(wheels: usize, load_n: f64) -> Self {
+    /// Of so many wheels that each bear so much at least, and whose drives tell their torques in such steps, N.
+    pub(super) fn new(wheels: usize, load_n: f64, step_n: f64) -> Self {
         Alone {
             fast: Decay::new(FAST_1_S),
             slow: Decay::new(SLOW_1_S),
             averaged: Decay::new(AVERAGED_1_S),
             forgotten: Decay::new(FORGOTTEN_1_S),
             least: (LEAST_SHARE * load_n).powi(2),
+            small: (STEPS * step_n).powi(2),
+            untold_s: f64::INFINITY,
             wheels: PerWheel::from_fn(wheels, |_| Wheel::default()),
             lasting_s: HEARD_S,
             ahead_m_s: [0.0; 2],
@@ -117,12 +126,13 @@ impl Alone {
         self.ahead_m_s = [0.0; 2];
     }
 
-    /// Takes in what a wheel's motor pushes its rim with, and the rim the floor, N.
-    pub(super) fn take(&mut self, wheel: usize, motor_n: f64, floor_n: f64, span_s: f64) {
+    /// Takes in what a wheel's motor pushes its rim with, the rim the floor, and what it would if the platform carried it along, N.
+    pub(super) fn take(&mut self, wheel: usize, [motor_n, floor_n, carried_n]: [f64; 3], span_s: f64) {
         let kept = [self.fast.kept(span_s), self.slow.kept(span_s), self.averaged.kept(span_s)];
-        let Wheel { motor, floor, .. } = &mut self.wheels[wheel];
+        let Wheel { motor, floor, carried, .. } = &mut self.wheels[wheel];
         motor.take(motor_n, kept);
         floor.take(floor_n, kept);
+        carried.take(carried_n, kept);
     }
 
     /// Sees which wheels turn alone by what swings by itself.
@@ -130,9 +140,11 @@ impl Alone {
         self.lasting_s = SEEN_S;
         let greatest = self.wheels.iter().fold(0.0, |most: f64, wheel| most.max(wheel.motor.square));
         let least = self.least.max(PART * PART * greatest);
+        let small = if self.untold_s > ANEW_S { self.small } else { 0.0 };
         for wheel in self.wheels.iter_mut() {
-            let Wheel { motor, floor, .. } = *wheel;
-            wheel.is_alone = motor.square > least && floor.square < REACHES * REACHES * motor.square;
+            let Wheel { motor, floor, carried, .. } = *wheel;
+            let reaches = if motor.square < small { floor.square.max(carried.square) } else { floor.square };
+            wheel.is_alone = motor.square > least && reaches < REACHES * REACHES * motor.square;
         }
     }
 
@@ -167,6 +179,7 @@ impl Alone {
             wheel.since_s = if wheel.is_alone { since_s + span_s } else { 0.0 };
         }
         let any_slides = self.wheels.iter().any(|wheel| wheel.since_s >= self.lasting_s);
+        self.untold_s = if any_slides { 0.0 } else { self.untold_s + span_s };
         let keep = if any_slides { 1.0 } else { self.forgotten.kept(span_s) };
         let [x, y] = self.ahead_m_s;
         let turned = span_s * turn_rad_s;
@@ -201,15 +214,15 @@ mod tests {
     /// When the first wheel was told, s, and how far it slid, m: a motor that pushes with 40 N and swings by some at 12 Hz, on a platform of
     /// such a mass that slides from half a second on, if at all, with the rims unexplainedly ahead by 0.4 m/s² more each second.
     fn told(swings_n: f64, kg: f64, slides: bool) -> Option<(f64, f64)> {
-        let mut alone = Alone::new(2, 200.0);
+        let mut alone = Alone::new(2, 200.0, 0.0);
         let (mut first, mut way_m) = (None, 0.0);
         for cycle in 0..1000 {
             let t = f64::from(cycle) * PERIOD_S;
             let swing_n = swings_n * (75.0 * t).sin();
             let is_sliding = slides && t > 0.5;
             let given_n = if is_sliding { 40.0 } else { 40.0 + swing_n * (1.0 - WHEEL_KG / (kg + WHEEL_KG)) };
-            alone.take(0, 40.0 + swing_n, given_n, PERIOD_S);
-            alone.take(1, 0.0, 0.0, PERIOD_S);
+            alone.take(0, [40.0 + swing_n, given_n, 0.0], PERIOD_S);
+            alone.take(1, [0.0; 3], PERIOD_S);
             alone.see();
             alone.look(if is_sliding { [0.4, 0.0] } else { [0.0; 2] }, 0.0, PERIOD_S);
             assert!(alone.slide(1, &ROWS[1], 0.0, PERIOD_S).is_none(), "{t}");
@@ -239,14 +252,34 @@ mod tests {
     }
 
     #[test]
+    fn a_small_swing_of_a_rim_that_the_platform_carries_along_tells_nothing_until_one_was_told() {
+        // Steps of 0.5 N. When it was told after a second in which it may swing otherwise, s.
+        let is_told = |swings_n: f64, carried: f64, before_n: f64| {
+            let mut alone = Alone::new(2, 200.0, 0.5);
+            (0..2000).any(|cycle| {
+                let size_n = if cycle < 1000 { before_n } else { swings_n };
+                let swing_n = size_n * (0.075 * f64::from(cycle)).sin();
+                let carried = if cycle < 1000 { 0.0 } else { carried };
+                alone.take(0, [40.0 + swing_n, 40.0 + 0.4 * swing_n, 40.0 + carried * swing_n], PERIOD_S);
+                alone.see();
+                alone.look([0.0; 2], 0.0, PERIOD_S);
+                cycle > 1200 && alone.slide(0, &ROWS[0], 40.0, PERIOD_S).is_some()
+            })
+        };
+        // Behind the low-passes it is 0.3 to 0.63 of that.
+        assert!(!is_told(3.0, 1.0, 0.0) && is_told(3.0, 0.4, 0.0) && is_told(12.0, 1.0, 0.0));
+        assert!(is_told(3.0, 1.0, 12.0));
+    }
+
+    #[test]
     fn a_wheel_that_hardly_pushes_while_others_do_is_not_judged_nor_one_that_is_let_go() {
         // Its own inertia takes all of its small part: the others accelerate it.
         let is_told = |part: f64, given_n: &dyn Fn(f64) -> f64| {
-            let mut alone = Alone::new(2, 200.0);
+            let mut alone = Alone::new(2, 200.0, 0.0);
             for cycle in 0..1000 {
                 let swing_n = 10.0 * (0.075 * f64::from(cycle)).sin();
-                alone.take(0, 40.0 + swing_n, 40.0 + 0.95 * swing_n, PERIOD_S);
-                alone.take(1, 40.0 + part * swing_n, given_n(f64::from(cycle) * PERIOD_S), PERIOD_S);
+                alone.take(0, [40.0 + swing_n, 40.0 + 0.95 * swing_n, 0.0], PERIOD_S);
+                alone.take(1, [40.0 + part * swing_n, given_n(f64::from(cycle) * PERIOD_S), 0.0], PERIOD_S);
                 alone.see();
                 alone.look([0.0; 2], 0.0, PERIOD_S);
             }
@@ -264,11 +297,11 @@ mod tests {
 
     /// The same, of so many wheels, by a gentle motion or a harder one.
     fn looks_of(wheels: usize, is_gentle: bool, moved: impl Fn(u32) -> Moved) -> Option<u32> {
-        let mut alone = Alone::new(wheels, 200.0);
+        let mut alone = Alone::new(wheels, 200.0, 0.0);
         let mut heard = [None; MAX_WHEELS];
         (0..20).find(|look| {
             heard[0] = Some(moved(*look));
-            alone.take(0, 40.0, 40.0, 14.0 * PERIOD_S);
+            alone.take(0, [40.0; 3], 14.0 * PERIOD_S);
             alone.hear(&heard, WHEEL_KG, is_gentle);
             alone.wheels[0].is_alone
         })
@@ -308,11 +341,11 @@ mod tests {
 
     #[test]
     fn what_is_no_number_is_forgotten() {
-        let mut alone = Alone::new(2, 200.0);
-        alone.take(0, f64::NAN, 1.0, PERIOD_S);
+        let mut alone = Alone::new(2, 200.0, 0.0);
+        alone.take(0, [f64::NAN, 1.0, 1.0], PERIOD_S);
         alone.look([f64::NAN, 0.0], 0.0, PERIOD_S);
         for cycle in 0..200 {
-            alone.take(0, 40.0 + 3.0 * (0.075 * f64::from(cycle)).sin(), 40.0, PERIOD_S);
+            alone.take(0, [40.0 + 3.0 * (0.075 * f64::from(cycle)).sin(), 40.0, 0.0], PERIOD_S);
             alone.see();
             alone.look([0.4, 0.0], 0.0, PERIOD_S);
         }

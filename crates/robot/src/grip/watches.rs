@@ -30,10 +30,10 @@ impl Grip {
             let slide = self.sliding.look(at, &change, wheel.rim_m_s, pushes_n[at], span_s);
             wheel.slide = slide.filter(|_| wheel.drives(pushes_n[at]));
         }
-        let shown = self.pushed(motion, &pushes_n[..count]);
+        let (shown, moment_nm) = self.pushed(motion, &pushes_n[..count]);
         // By speed nothing swings by itself.
         if wished.by_torque || wished.asks_floor {
-            self.ask(&wished, motion, &shown, &pushes_n);
+            self.ask(&wished, motion, (&shown, moment_nm), &pushes_n);
         } else {
             self.alone.forget();
         }
@@ -55,10 +55,20 @@ impl Grip {
     }
 
     /// Which wheels turn alone: by what a law of torque swings by itself, or one of speed on purpose.
-    fn ask(&mut self, wished: &Wished, motion: &Motion, shown: &Shown, pushes_n: &[f64; MAX_WHEELS]) {
+    fn ask(
+        &mut self,
+        wished: &Wished,
+        motion: &Motion,
+        (shown, moment_nm): (&Shown, f64),
+        pushes_n: &[f64; MAX_WHEELS],
+    ) {
         let (more_m_s2, span_s) = (self.unexplained(motion, shown), motion.period_s);
-        for (at, (wheel, push_n)) in self.wheels.iter().zip(pushes_n).enumerate() {
-            self.alone.take(at, wheel.force_n, *push_n, span_s);
+        let gains = if wished.by_torque { self.given(motion, shown, moment_nm) } else { [0.0; 3] };
+        let wheels = self.wheels.iter().zip(self.kinematics.matrix()).zip(pushes_n);
+        for (at, ((wheel, row), push_n)) in wheels.enumerate() {
+            let along_m_s2: f64 = row.iter().zip(gains).map(|(row, gain)| row * gain).sum();
+            let carried_n = push_n + self.wheel_kg * along_m_s2;
+            self.alone.take(at, [wheel.force_n, *push_n, carried_n], span_s);
         }
         if wished.by_torque {
             self.alone.see();
@@ -124,22 +134,35 @@ impl Grip {
         std::array::from_fn(|axis| motion.acceleration[axis] - given_n(axis) / mass_kg)
     }
 
-    /// What the wheels push the platform with, beside how it moves by them.
-    fn pushed(&self, motion: &Motion, pushes_n: &[f64]) -> Shown {
+    /// What the platform's twist gains in body axes by what the wheels push, of one that weighs what its file tells at least.
+    fn given(&self, motion: &Motion, shown: &Shown, moment_nm: f64) -> [f64; 3] {
+        let mut dynamics = self.identification.watched().dynamics;
+        dynamics.mass_kg = dynamics.mass_kg.max(self.told_kg);
+        let [x_n, y_n] = [0, 1].map(|axis| shown.push_n[axis] + shown.slope_n[axis] - shown.friction_n[axis]);
+        let [along, across, gain] = dynamics.acceleration([x_n, y_n, moment_nm], motion.turn_rad_s);
+        let [vx, vy, turn] = self.shown;
+        [along + turn * vy, across - turn * vx, gain]
+    }
+
+    /// What the wheels push the platform with, beside how it moves by them; and the moment that turns it, N·m.
+    fn pushed(&self, motion: &Motion, pushes_n: &[f64]) -> (Shown, f64) {
         let rims = self.kinematics.wheels();
         let torques_nm = PerWheel::from_fn(pushes_n.len(), |at| pushes_n[at] * rims[at].radius_m);
         let wrench = self.kinematics.wrench(&torques_nm);
         let Watched { dynamics, mass_sigma_kg, slope_n } = self.identification.watched();
         let Dynamics { mass_kg, friction_n: [spin_n, roller_n], .. } = dynamics;
         let [by_spin, by_roller] = motion.friction_per_newton;
-        Shown {
+        let [along_n, across_n, about_nm] =
+            std::array::from_fn(|axis| spin_n * by_spin[axis] + roller_n * by_roller[axis]);
+        let shown = Shown {
             acceleration: self.sliding.acceleration(),
             push_n: [wrench.fx_n, wrench.fy_n],
             slope_n,
-            friction_n: std::array::from_fn(|axis| spin_n * by_spin[axis] + roller_n * by_roller[axis]),
+            friction_n: [along_n, across_n],
             speed_m_s: omnibase_platform::length([self.shown[0], self.shown[1]]),
             turn_rad_s: motion.turn_rad_s,
             learnt_kg: mass_kg - SIGMAS * mass_sigma_kg,
-        }
+        };
+        (shown, wrench.torque_nm - about_nm)
     }
 }

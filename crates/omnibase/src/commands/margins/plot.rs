@@ -1,7 +1,7 @@
 //! Margins over the treads' stiffness as a picture.
 
 use super::{Axis, worst_of_bodies};
-use omnibase_robot::controllers::Margins;
+use omnibase_robot::torque_loop::Margins;
 use std::fmt::Write;
 
 const WIDTH: f64 = 1040.0;

@@ -1,10 +1,11 @@
 //! Whose margins are shown: the laws are those of the registry, built in or a user's own.
 
 use clap::Parser;
-use omnibase_robot::controllers::{AdaptiveTorque, DisturbanceObserver, TorqueDesign};
+use omnibase_robot::controllers::{AdaptiveTorque, DisturbanceObserver};
 use omnibase_robot::registry::{Kind, Made};
 use omnibase_robot::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
 use omnibase_robot::stages::Controller;
+use omnibase_robot::torque_loop::TorqueDesign;
 use omnibase_robot::{Registry, RobotPlan};
 
 use super::{Arguments, run};

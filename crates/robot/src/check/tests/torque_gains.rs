@@ -1,7 +1,8 @@
 //! Gains of the law of torque: designed, or given and refused where they leave no margins.
 
 use super::*;
-use crate::controllers::{LoopGains, SlowForce, TorqueDesign};
+use crate::controllers::SlowForce;
+use crate::torque_loop::{LoopGains, TorqueDesign};
 
 fn with(keys: &str) -> String {
     BMM.replace("kind = \"closed_loop_speed\"\n", &format!("kind = \"adaptive_torque\"\n{keys}\n"))

@@ -297,5 +297,17 @@ fn is_stable(turned_rad: f64, quarter_turns: f64) -> bool {
     (turned_rad - quarter_turns * PI / 2.0).abs() < 1.0
 }
 
+/// A robot's loops of torque along x, y and about the vertical, and what closes them.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TorqueDesign {
+    /// What is known of each axis.
+    pub loops: [TorqueLoop; 3],
+    /// Its gains.
+    pub gains: [LoopGains; 3],
+    /// Gains for all treads, for where torques swing though the file says what the treads are: a floor on which wheels slip is as
+    /// soft as none. `None` where it says nothing, or where there are none.
+    pub softer: Option<[LoopGains; 3]>,
+}
+
 #[cfg(test)]
 mod tests;

@@ -111,7 +111,7 @@ impl TorqueLoop {
 
     /// The K below which a Kp isn't looked at: m·Kp of the heaviest platform, below which nothing is proved of a law that learns; of the
     /// lightest with an observer, which is as linear as the rest of the loop.
-    pub(in crate::controllers) fn least(&self, kp_1_s: f64) -> f64 {
+    pub(crate) fn least(&self, kp_1_s: f64) -> f64 {
         let [light, heavy] = self.body;
         kp_1_s * if self.observed_body > 0.0 { light } else { heavy }
     }
