@@ -245,6 +245,8 @@ pub struct Record {
 
 /// What of findings jogs left in drives.
 pub(crate) const LEFT: &str = "left by jogs";
+/// What of findings somebody went on with.
+pub(crate) const GONE_ON: &str = "gone on with what a jog left";
 
 /// What of findings is of a step, for one wheel or the whole robot.
 fn tried(step: Step, wheel: Option<&str>) -> String {
@@ -268,7 +270,8 @@ impl Record {
         for one in std::mem::take(&mut self.passed_over) {
             self.findings.retain(|text| *text != one.why);
         }
-        let looked_at: Vec<String> = self.standing.keys().filter(|what| *what != LEFT).cloned().collect();
+        let looked_at: Vec<String> =
+            self.standing.keys().filter(|what| ![LEFT, GONE_ON].contains(&what.as_str())).cloned().collect();
         looked_at.iter().for_each(|what| self.found_of(what, Vec::new()));
     }
 

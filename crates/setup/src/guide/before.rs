@@ -12,12 +12,10 @@ use omnibase_ethercat::{Bus, BusOptions};
 use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE};
 use super::reading::{held, number};
 use super::{ATTEMPTS, AnyBus, Guide, Leave, SetupError, has_its_numbers, in_words, is_it, seen, who};
-use crate::record::{FoundDrive, LEFT};
+use crate::record::{FoundDrive, GONE_ON, LEFT};
 
 /// What of findings drives hold a jog's max torque.
 const LIMITED: &str = "limited as by jogs";
-/// What of findings somebody went on with.
-const GONE_ON: &str = "gone on with what a jog left";
 /// The greatest max torque that a jog is given, per mille of the rated.
 pub const MOST_PER_MILLE: u16 = 500;
 
