@@ -16,7 +16,6 @@ pub use adaptive_torque::AdaptiveTorque;
 pub use disturbance_observer::DisturbanceObserver;
 pub use speed::{ClosedLoopSpeed, OpenLoop, WheelSpeeds};
 pub use torque_design::SlowForce;
-pub(crate) use torque_design::TREAD_STIFFNESS_N_M;
 
 /// From the instant that was measured to the middle of the time for which the command stands, in periods: one until
 /// the measurement is read, one until the command arrives, half of the period in which it holds.

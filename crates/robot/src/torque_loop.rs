@@ -19,6 +19,8 @@ mod design;
 use nalgebra::Complex;
 use std::f64::consts::PI;
 
+/// Stiffness of a tread where the file doesn't say: all that treads are known to have, N/m.
+pub(crate) const TREAD_STIFFNESS_N_M: [f64; 2] = [1e5, 4e6];
 /// The greatest peak of the sensitivity: 6 dB and 30°.
 pub const MOST_SENSITIVE: f64 = 1.93;
 /// Stiffnesses of the range that are looked at, in each of its decades.

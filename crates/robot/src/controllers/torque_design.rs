@@ -3,10 +3,8 @@
 use crate::config::{ControllerTable, ESTIMATE_BOUNDS, Problem, RobotPlan, wheel_kg};
 use crate::estimators::SPEED_FILTER_RAD_S;
 use crate::registry::{Made, StageError, given};
-use crate::torque_loop::{LoopGains, MOST_SENSITIVE, Margins, TorqueDesign, TorqueLoop};
+use crate::torque_loop::{LoopGains, MOST_SENSITIVE, Margins, TREAD_STIFFNESS_N_M, TorqueDesign, TorqueLoop};
 
-/// Stiffness of a tread where the file doesn't say: all that treads are known to have, N/m.
-pub(crate) const TREAD_STIFFNESS_N_M: [f64; 2] = [1e5, 4e6];
 /// And its least damping.
 const TREAD_DAMPING_RATIO: f64 = 0.1;
 /// Time constant of a drive's torque where the file doesn't say, s.

@@ -7,8 +7,8 @@
 use omnibase_platform::PerWheel;
 
 use crate::config::RobotPlan;
-use crate::controllers::TREAD_STIFFNESS_N_M;
 use crate::decay::Decay;
+use crate::torque_loop::TREAD_STIFFNESS_N_M;
 
 /// How fast a push's gain is followed, 1/s: an encoder's counts tell it coarsely.
 const FOLLOWED_1_S: f64 = 200.0;
