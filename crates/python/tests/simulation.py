@@ -236,7 +236,7 @@ class Stepped(unittest.TestCase):
         robot = omnibase.Simulation(BMM)
         with self.assertRaisesRegex(omnibase.Error, "did you mean `state.pose_x_m`"):
             robot["state.pose_x"]
-        with self.assertRaisesRegex(omnibase.Error, "expected category_0"):
+        with self.assertRaisesRegex(omnibase.Error, "expected one of category_0"):
             robot.stop("now")
         with self.assertRaisesRegex(omnibase.Error, "expected `body` or `odom`"):
             robot.drive(0.0, 0.0, 0.0, frame="map")

@@ -241,9 +241,9 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             }
         };
         jog.end = end;
-        hand.moves(false, jog.travel_counts as f64);
         let from = Ended { cycles, position: last };
         self.end(plan, hand, &mut enabling, from, &mut jog)?;
+        hand.moves(false, jog.travel_counts as f64);
         Ok(jog)
     }
 

@@ -82,7 +82,9 @@ fn a_path_is_driven_by_hand_taught_and_repeated_in_the_page() {
     );
     press(&mut page, "#teach", ENDED);
     page.wait("document.getElementById('teach-point').hidden");
-    let points = std::fs::read_to_string(robot.folder.path().join("path-2.dat")).unwrap();
-    assert_eq!(points.lines().filter(|line| !line.starts_with('#')).count(), 2, "{points}");
+    robot.wait("two points are saved", |robot| {
+        let points = std::fs::read_to_string(robot.folder.path().join("path-1.dat")).unwrap();
+        points.lines().filter(|line| !line.starts_with('#')).count() == 2
+    });
     robot.end();
 }

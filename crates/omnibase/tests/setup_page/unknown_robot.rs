@@ -68,16 +68,17 @@ fn an_unknown_robot_behind_a_cable_is_set_up_on_the_page() {
                 let turn = f64::from(robot.counts) * robot.gear;
                 let is_jog = what.contains("turns; let go");
                 picture(&mut page, if is_jog { "setup-jog" } else { "setup-hold" });
-                let went = hold(&mut page, |seen| {
+                hold(&mut page, |seen| {
                     let is_far = seen["travel"].as_f64().is_some_and(|travel| travel.abs() >= 0.5 * turn);
                     seen["enabled"] == true && (is_jog && is_far || what.contains("emergency stop"))
                 });
-                travel = went.unwrap_or(travel);
                 // Where nothing moved it still waits.
                 let is_over = format!("holding.hidden || what.textContent !== {what:?}");
                 page.is_true_within(&is_over, Duration::from_secs(3));
                 continue;
             }
+            // It rolls on when the key is let go.
+            travel = now["travel"].as_f64().unwrap_or(travel);
             let id = now["asked"].as_str().unwrap().to_owned();
             let (word, position) = id.split_once(' ').unwrap_or((&id, ""));
             let wheel = robot.positions.iter().position(|of| of.to_string() == position).unwrap_or(0);
