@@ -14,6 +14,7 @@ mod stops;
 #[cfg(test)]
 mod tests;
 
+use before::Before;
 pub use before::MOST_PER_MILLE;
 pub use floor::Calibrated;
 
@@ -150,10 +151,10 @@ pub struct Guide<'a, C: Clock> {
     /// Called with the record after each thing that was done.
     pub(crate) keep: Keep<'a>,
     pub(crate) back_up: BackUp<'a>,
-    /// Drives with what they held before the jogs of this program, until it is put back.
-    pub(crate) written: Vec<FoundDrive>,
-    /// Each of these was in sight since, so that nobody else is in its place and nobody set anything in it: of so many SubDevices.
-    pub(crate) in_sight: Option<usize>,
+    /// What drives held before the jogs of this program, until it is put back.
+    pub(crate) written: Vec<Before>,
+    /// How many SubDevices were on the bus when the last motion began.
+    pub(crate) on_bus: usize,
 }
 
 /// Who stands outside of a set-up.
@@ -245,7 +246,7 @@ impl<'a, C: Clock> Guide<'a, C> {
         Outside { hand, keep, back_up }: Outside<'a>,
     ) -> Result<Self, SetupError> {
         let plan = robot_file::plan(&wished.base, &Registry::with_built_in())?;
-        Ok(Guide { wished, plan, open, hand, record, keep, back_up, written: Vec::new(), in_sight: None })
+        Ok(Guide { wished, plan, open, hand, record, keep, back_up, written: Vec::new(), on_bus: 0 })
     }
 
     /// Keeps what was found so far; whoever can't is told at once, for nobody wants to find it all again.
@@ -267,7 +268,9 @@ impl<'a, C: Clock> Guide<'a, C> {
         };
         let refused = self.leave_as_found();
         self.tell_left(&refused);
-        self.look_at_limits();
+        if ended.is_ok() {
+            self.look_at_limits();
+        }
         ended
     }
 
@@ -331,7 +334,7 @@ impl<'a, C: Clock> Guide<'a, C> {
         }
         let mut bus = self.bus()?;
         let mut drives = self.record.drives.clone();
-        self.take_back(&mut bus, &mut drives)?;
+        self.take_back(&mut bus, &mut drives);
         if !self.set_apart(bus.subdevices(), &mut drives)? {
             return Ok(false);
         }

@@ -100,17 +100,12 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Adds to `drives` who was set apart, where some wheel has no drive: that may have been a mistake of somebody's, or of the file.
-    pub(super) fn take_back(
-        &self,
-        bus: &mut AnyBus<C>,
-        drives: &mut Vec<FoundDrive>,
-    ) -> Result<(), SetupError> {
+    pub(super) fn take_back(&self, bus: &mut AnyBus<C>, drives: &mut Vec<FoundDrive>) {
         if drives.len() >= self.plan.drives.len() && !self.record.has_found(UNDRIVEN) {
-            return Ok(());
+            return;
         }
-        drives.extend(self.drives_on(bus)?.into_iter().filter(|drive| self.was_apart(drive)));
+        drives.extend(self.drives_on(bus).into_iter().filter(|drive| self.was_apart(drive)));
         drives.sort_by_key(|one| one.position);
-        Ok(())
     }
 
     /// Whether it turned no wheel before.

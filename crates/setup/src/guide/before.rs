@@ -19,6 +19,14 @@ const LIMITED: &str = "limited as by jogs";
 /// The greatest max torque that a jog is given, per mille of the rated.
 pub const MOST_PER_MILLE: u16 = 500;
 
+/// What a drive held before a motion.
+#[derive(Clone, Debug)]
+pub(crate) struct Before {
+    pub(super) drive: FoundDrive,
+    /// Nobody was asked anything since.
+    is_in_sight: bool,
+}
+
 /// Drives that didn't get back what they held, each with the reason.
 pub(super) type Refused = Vec<(FoundDrive, String)>;
 
@@ -26,10 +34,9 @@ impl<C: Clock> Guide<'_, C> {
     /// Reads what the next jog writes over; what an earlier one wrote there isn't put back yet where that failed.
     pub(super) fn remember(&mut self, bus: &mut AnyBus<C>) -> Result<(), SetupError> {
         self.put_back(bus);
-        let is_seen = self.written.is_empty() || self.in_sight.is_some();
-        self.in_sight = is_seen.then_some(bus.subdevices().len());
+        self.on_bus = bus.subdevices().len();
         for drive in &mut self.record.drives {
-            if self.written.iter().any(|one| is_same(one, drive)) {
+            if self.written.iter().any(|one| is_same(&one.drive, drive)) {
                 continue;
             }
             drive.was = held(bus, &self.plan, drive).map_err(|error| in_words(&error))?;
@@ -39,7 +46,7 @@ impl<C: Clock> Guide<'_, C> {
                     drive.position
                 )));
             }
-            self.written.push(drive.clone());
+            self.written.push(Before { drive: drive.clone(), is_in_sight: true });
             if !self.record.jogged.iter().any(|one| is_same(one, drive)) {
                 self.record.jogged.push(drive.clone());
             }
@@ -52,18 +59,18 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn put_back(&mut self, bus: &mut AnyBus<C>) -> Refused {
         let mut refused = Refused::new();
         // Behind one that is dark others may stand at its place.
-        self.in_sight = self.in_sight.filter(|count| *count == bus.subdevices().len());
-        let mut are_placed = true;
-        for drive in self.written.clone() {
+        if bus.subdevices().len() != self.on_bus {
+            self.lose_sight();
+        }
+        for before in self.written.clone() {
+            let drive = &before.drive;
             let now = bus.subdevices().get(usize::from(drive.position)).map(seen);
             // It may have got an alias since.
-            let known = self.record.drives.iter().find(|one| is_same(one, &drive)).unwrap_or(&drive);
-            let is_its = now.as_ref().map(|now| is_it(known, now));
-            are_placed &= is_its == Some(true);
-            let words = match is_its {
+            let known = self.record.drives.iter().find(|one| is_same(one, drive)).unwrap_or(drive);
+            let words = match now.map(|now| is_it(known, &now)) {
                 None => vec!["nobody is in its place".to_owned()],
                 Some(false) => vec!["another one is in its place".to_owned()],
-                Some(true) if self.is_doubtful(&drive) => match self.is_limited(bus, drive.position) {
+                Some(true) if self.is_doubtful(&before) => match self.is_limited(bus, drive) {
                     // It lost its supply, or was set by somebody.
                     false => Vec::new(),
                     true => {
@@ -73,43 +80,49 @@ impl<C: Clock> Guide<'_, C> {
                         ]
                     }
                 },
-                Some(true) => self.write_back(bus, &drive),
+                Some(true) => self.write_back(bus, &before),
             };
             if words.is_empty() {
-                self.written.retain(|one| !is_same(one, &drive));
-                self.record.jogged.retain(|one| !is_same(one, &drive));
+                self.written.retain(|one| !is_same(&one.drive, drive));
+                self.record.jogged.retain(|one| !is_same(one, drive));
             } else {
-                refused.push((drive, words.join("; ")));
+                refused.push((before.drive, words.join("; ")));
             }
         }
-        if !are_placed {
-            self.in_sight = None;
-        }
+        // Whoever is asked from now on may plug and set.
+        self.lose_sight();
         refused
     }
 
+    /// Somebody may have plugged these elsewhere, or set something in them.
+    pub(super) fn lose_sight(&mut self) {
+        self.written.iter_mut().for_each(|one| one.is_in_sight = false);
+    }
+
     /// Whether this may be another drive by now, which held something else.
-    fn is_doubtful(&self, drive: &FoundDrive) -> bool {
+    fn is_doubtful(&self, before: &Before) -> bool {
+        let drive = &before.drive;
         let is_other = |one: &FoundDrive| one.position != drive.position && is_it(drive, one);
-        let mut all = self.record.drives.iter().chain(&self.written);
-        self.in_sight.is_none() && all.any(|one| is_other(one) && one.was != drive.was)
+        let mut all = self.record.drives.iter().chain(self.written.iter().map(|one| &one.drive));
+        !before.is_in_sight && all.any(|one| is_other(one) && one.was != drive.was)
     }
 
     /// What one drive held; in words what it refuses. Since it was out of sight it may have lost its supply, or been set by somebody:
-    /// what no jog writes stays then.
-    fn write_back(&mut self, bus: &mut AnyBus<C>, drive: &FoundDrive) -> Vec<String> {
+    /// what no jog writes stays then. Its max torque comes last: who isn't limited has all of it.
+    fn write_back(&mut self, bus: &mut AnyBus<C>, before: &Before) -> Vec<String> {
+        let Before { drive, is_in_sight } = before;
         let mut refused = Vec::new();
         let position = drive.position;
-        for (index, subindex, was) in &drive.was {
+        let [first, last] =
+            [false, true].map(|is_last| drive.was.iter().filter(move |was| (was.0 == MAX_TORQUE) == is_last));
+        for (index, subindex, was) in first.chain(last) {
             let object = ObjectAddress::new(*index, *subindex);
             let now = bus.sdo_read(position, object, SdoAccess::Entry).ok();
             if now.as_ref() == Some(was) {
                 continue;
             }
             let before = number(was);
-            if let Some(now) =
-                now.filter(|now| self.in_sight.is_none() && !self.is_of_jog(drive, object, now))
-            {
+            if let Some(now) = now.filter(|now| !is_in_sight && !self.is_of_jog(drive, object, now)) {
                 let now = number(&now);
                 self.record.note(format!(
                     "SubDevice {position}: {object} was {before} before it was jogged, and is {now}, which no jog writes: that stays"
@@ -133,15 +146,22 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Whether a drive holds a max torque as a jog may leave it, or one that can't be read.
-    fn is_limited(&self, bus: &mut AnyBus<C>, position: u16) -> bool {
-        let object = ObjectAddress::new(MAX_TORQUE, 0);
-        bus.sdo_read(position, object, SdoAccess::Entry).map_or(true, |now| is_limit(&now))
+    fn is_limited(&self, bus: &mut AnyBus<C>, drive: &FoundDrive) -> bool {
+        let now = bus.sdo_read(drive.position, ObjectAddress::new(MAX_TORQUE, 0), SdoAccess::Entry);
+        now.map_or(true, |now| is_limit(&now) && !self.is_wished(drive, &now))
+    }
+
+    /// Whether the file has this max torque for the drive's wheel.
+    fn is_wished(&self, drive: &FoundDrive, bytes: &[u8]) -> bool {
+        let of_wheel = self.plan.drives.iter().find(|plan| drive.wheel.as_ref() == Some(&plan.name));
+        let parameters = of_wheel.map_or(&[][..], |plan| &plan.parameters[..]);
+        parameters.iter().any(|one| one.index == MAX_TORQUE && one.data == bytes)
     }
 
     /// A motion is over. Where frames were lost nobody is looked for: whoever is dark shows later by that that its supply was gone.
     pub(super) fn after_motion(&mut self, is_lost: bool) {
         if is_lost {
-            self.in_sight = None;
+            self.lose_sight();
             return;
         }
         for (drive, why) in self.leave_as_found() {
@@ -160,8 +180,8 @@ impl<C: Clock> Guide<'_, C> {
         let refused = match self.bus() {
             Ok(mut bus) => self.put_back(&mut bus),
             Err(error) => {
-                self.in_sight = None;
-                self.written.iter().map(|one| (one.clone(), error.to_string())).collect()
+                self.lose_sight();
+                self.written.iter().map(|one| (one.drive.clone(), error.to_string())).collect()
             }
         };
         self.kept();
@@ -192,7 +212,7 @@ impl<C: Clock> Guide<'_, C> {
     /// it is left. Who isn't there stays remembered until somebody says that he is gone for good.
     pub(super) fn are_as_stored(&mut self) -> Result<bool, SetupError> {
         self.leave_as_found();
-        let (mut needed, mut there, mut kept) = (0, Vec::new(), String::new());
+        let (mut needed, mut there, mut kept) = (0, Vec::new(), "drives".to_owned());
         let mut lost = BTreeSet::new();
         for _ in 0..ATTEMPTS {
             if self.record.jogged.is_empty() {
@@ -205,22 +225,31 @@ impl<C: Clock> Guide<'_, C> {
                     "{answering} SubDevices answer, and {needed} did before: wait until all drives are up, and say it again"
                 ));
             } else {
+                if answering > needed {
+                    // Who was cut off may stand before those that were seen.
+                    lost.clear();
+                }
                 lost.extend(now);
                 needed = answering;
-                there = self.who_was_jogged()?;
-                let kept_supply = there.iter().filter(|one| !lost.contains(&one.position));
-                kept = kept_supply.map(|one| one.position.to_string()).collect::<Vec<_>>().join(", ");
-                match self.bus() {
-                    Ok(_) if kept.is_empty() => return Ok(self.no_longer_jogged(there)),
-                    Err(error) if kept.is_empty() => {
+                let looked = self.who_was_jogged().and_then(|all| self.bus().map(|_| all));
+                match looked {
+                    Ok(all) => {
+                        let kept_supply = all.iter().filter(|one| !lost.contains(&one.position));
+                        let positions: Vec<String> =
+                            kept_supply.map(|one| one.position.to_string()).collect();
+                        if positions.is_empty() {
+                            return Ok(self.no_longer_jogged(all));
+                        }
+                        (there, kept) = (all, format!("SubDevices {}", positions.join(", ")));
+                    }
+                    Err(error) => {
                         self.hand.tell(&format!("{error}: wait until all drives are up, and say it again"));
                     }
-                    _ => {}
                 }
             }
             let text = format!(
-                "a jog was cut off, and drives hold what it wrote (max torque, mode, synchronisation) until they are switched off and on \
-                 (SubDevices {kept}): switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they \
+                "a jog was cut off, and {kept} hold what it wrote (max torque, mode, synchronisation) until they are switched off and on: \
+                 switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they \
                  are up; or go on with what they hold now, as theirs?"
             );
             let choices = ["done", "go on"].map(str::to_owned);
@@ -229,7 +258,7 @@ impl<C: Clock> Guide<'_, C> {
                 Ok(said) if said == choices[0] => {}
                 Ok(_) => {
                     let text = format!(
-                        "gone on though SubDevices {kept} weren't switched off and on since a jog was cut off: what they hold may be that one's"
+                        "gone on though {kept} weren't switched off and on since a jog was cut off: what they hold may be that one's"
                     );
                     self.tell_found_of(GONE_ON, vec![text]);
                     return Ok(self.no_longer_jogged(there));
@@ -298,7 +327,7 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn tell_limited(&mut self) {
         let limit = |drive: &FoundDrive| {
             let its = drive.was.iter().find(|(index, ..)| *index == MAX_TORQUE)?;
-            is_limit(&its.2).then(|| number(&its.2))
+            (is_limit(&its.2) && !self.is_wished(drive, &its.2)).then(|| number(&its.2))
         };
         let text = |drive: &FoundDrive| {
             Some(format!(
@@ -336,7 +365,7 @@ impl<C: Clock> Guide<'_, C> {
         if self.record.jogged.iter().any(|one| is_same(one, drive)) {
             return Some("it holds what a jog wrote: switch it off and on, then store".to_owned());
         }
-        self.is_limited(bus, drive.position).then(|| {
+        self.is_limited(bus, drive).then(|| {
             "its max torque (6072) is as a jog may leave it: set it by the maker's tool, then store"
                 .to_owned()
         })
@@ -344,7 +373,7 @@ impl<C: Clock> Guide<'_, C> {
 
     /// What somebody had written into a drive is what is put back from then on.
     pub(super) fn keep_wished(&mut self, drive: &FoundDrive, object: ObjectAddress, bytes: &[u8]) {
-        let its = self.written.iter_mut().filter(|one| is_same(one, drive));
+        let its = self.written.iter_mut().map(|one| &mut one.drive).filter(|one| is_same(one, drive));
         for was in its.flat_map(|one| &mut one.was) {
             if (was.0, was.1) == (object.index, object.subindex) {
                 was.2 = bytes.to_vec();

@@ -84,8 +84,9 @@ impl<C: Clock> Guide<'_, C> {
         ));
         self.kept();
         match ended {
-            // Who is lost goes nowhere, and that is told already.
+            // Who is lost goes nowhere, and that is told already; one that said a fault may have lost its supply by then.
             Err(_) if jog.end == JogEnd::Lost => {}
+            Err(_) if matches!(jog.end, JogEnd::Drive(_)) => jog.end = JogEnd::Lost,
             ended => ended.map_err(|error| in_words(&error))?,
         }
         Ok(jog)

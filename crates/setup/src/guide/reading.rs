@@ -43,7 +43,7 @@ impl<C: Clock> Guide<'_, C> {
         Ok(bus)
     }
 
-    pub(super) fn drives_on(&self, bus: &mut AnyBus<C>) -> Result<Vec<FoundDrive>, SetupError> {
+    pub(super) fn drives_on(&self, bus: &mut AnyBus<C>) -> Vec<FoundDrive> {
         let mut drives = Vec::new();
         for position in 0..bus.subdevices().len() as u16 {
             let one = &bus.subdevices()[usize::from(position)];
@@ -63,10 +63,11 @@ impl<C: Clock> Guide<'_, C> {
             found.told_gear = ratio(0x6091).filter(|gear| TOLD_GEAR.contains(gear));
             found.rated_torque_nm =
                 read(0x6076, 0).filter(|torque| *torque > 0).map(|torque| f64::from(torque) / 1000.0);
-            found.was = held(bus, &self.plan, &found).map_err(|error| in_words(&error))?;
+            // Each motion reads it anew, and ends where it can't.
+            found.was = held(bus, &self.plan, &found).unwrap_or_default();
             drives.push(found);
         }
-        Ok(drives)
+        drives
     }
 
     /// Finds the drives and notes what those say of themselves that may turn a wheel; `false` where it is left.
@@ -75,7 +76,7 @@ impl<C: Clock> Guide<'_, C> {
             return Ok(false);
         }
         let mut bus = self.bus()?;
-        let mut drives = self.drives_on(&mut bus)?;
+        let mut drives = self.drives_on(&mut bus);
         let others = bus.subdevices().len() - drives.len();
         let text = format!("{} drives, and {others} SubDevices that are none", drives.len());
         self.hand.tell(&text);
@@ -141,7 +142,7 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn compare(&mut self) -> Result<(), SetupError> {
         let mut bus = self.bus()?;
         self.are_those_found(&bus)?;
-        let mut now = self.drives_on(&mut bus)?;
+        let mut now = self.drives_on(&mut bus);
         for was in &self.record.drives {
             if !now.iter().any(|one| one.position == was.position) {
                 let found = "no drive".to_owned();
@@ -270,6 +271,7 @@ impl<C: Clock> Guide<'_, C> {
             if let Some(text) = other_units(&plan, drive) {
                 self.tell_found(text);
             }
+            self.record.make_good(Step::Parameters, Some(&wheel));
             let mut differing = Vec::new();
             let (to_store, at_each_start): (Vec<_>, Vec<_>) =
                 plan.parameters.into_iter().partition(can_be_stored);
@@ -308,7 +310,6 @@ impl<C: Clock> Guide<'_, C> {
             let Ok(choice) = self.choose(format!("parameters {}", drive.position), text, &choices) else {
                 return Ok(false);
             };
-            self.record.make_good(Step::Parameters, Some(&wheel));
             if choice == "leave them" {
                 continue;
             }

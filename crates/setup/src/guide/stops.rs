@@ -135,7 +135,7 @@ impl<C: Clock> Guide<'_, C> {
                 lost.extend(now);
                 match self.bus() {
                     Ok(mut bus) => {
-                        self.in_sight = None;
+                        self.lose_sight();
                         self.put_back(&mut bus);
                         return Ok(Some(lost.into_iter().collect()));
                     }

@@ -322,7 +322,7 @@ fn another_drive_in_the_place_of_a_jogged_one_is_not_touched() {
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     with_found(BASE, &mut open, &mut Nobody, |guide| {
         guide.operational().unwrap();
-        let alias = guide.written[1].alias.replace(77);
+        let alias = guide.written[1].drive.alias.replace(77);
         guide.record.drives[2].identification = Some(9);
         let refused = guide.leave_as_found();
         assert_eq!(alias, None);
@@ -341,6 +341,24 @@ fn another_drive_in_the_place_of_a_jogged_one_is_not_touched() {
         guide.record.drives[2].identification = None;
         assert!(guide.leave_as_found().is_empty());
         assert_eq!(max_torques(&link, &clock), [3000, 3000, 2000]);
+    });
+}
+
+/// Who didn't get back what he held was out of sight from then on: what somebody sets before the next motion is his own.
+#[test]
+fn what_is_set_between_two_motions_is_a_drives_own_whatever_was_refused_before() {
+    let (link, clock) = drives_of(BASE);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        guide.record.drives[2].identification = Some(9);
+        assert_eq!(guide.leave_as_found().len(), 1);
+        guide.record.drives[2].identification = None;
+        by_tool(&link, &clock).sdo_write(2, TORQUE, &2500_u16.to_le_bytes()).unwrap();
+        guide.operational().unwrap();
+        assert!(guide.leave_as_found().is_empty());
+        assert_eq!(max_torques(&link, &clock), [3000, 3000, 2500]);
     });
 }
 
