@@ -182,9 +182,16 @@ fn a_drive_that_the_robot_itself_refuses_leaves_it_on_the_one_before_or_where_it
         let mut page = Page::at(dashboard.address);
         assert_eq!(page.hear("may")["may"], "command");
         let mut drive_to = |x_m: f64| {
-            let stamp = page.hear("stamp")["stamp"].clone();
-            page.send(&json!({"number": 1, "do": "drive_to", "pose": [x_m, 0, 0], "stamp": stamp}));
-            let (said, begin) = (page.hear("answer"), Instant::now());
+            // The robot may not have been seen yet.
+            let said = loop {
+                let stamp = page.hear("stamp")["stamp"].clone();
+                page.send(&json!({"number": 1, "do": "drive_to", "pose": [x_m, 0, 0], "stamp": stamp}));
+                let said = page.hear("answer");
+                if !said["text"].as_str().unwrap().contains("enable it first") {
+                    break said;
+                }
+            };
+            let begin = Instant::now();
             let way = loop {
                 assert!(begin.elapsed() < Duration::from_secs(60), "{said}, and nothing of the way");
                 let heard = page.hear("drive_to")["drive_to"].clone();
