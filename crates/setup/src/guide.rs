@@ -15,14 +15,14 @@ mod stops;
 mod tests;
 
 use before::Before;
-pub use before::MOST_PER_MILLE;
+pub use before::MOST_JOG_TORQUE_PER_MILLE;
 pub use floor::Calibrated;
 
 use std::time::Duration;
 
-use omnibase_ethercat::Bus;
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::{Clock, Link, LinkError};
+use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_robot::Registry;
 use omnibase_robot::config::{DrivePlan, DriveScale, Identity, RobotPlan, SpeedUnit};
 
@@ -247,6 +247,19 @@ impl<'a, C: Clock> Guide<'a, C> {
     ) -> Result<Self, SetupError> {
         let plan = robot_file::plan(&wished.base, &Registry::with_built_in())?;
         Ok(Guide { wished, plan, open, hand, record, keep, back_up, written: Vec::new(), on_bus: 0 })
+    }
+
+    /// A segment on which nothing was looked at yet.
+    pub(crate) fn opened(&mut self) -> Result<AnyBus<C>, SetupError> {
+        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
+        Ok(Bus::new(link, clock, BusOptions::default()))
+    }
+
+    /// The segment in INIT, everybody looked at.
+    pub(crate) fn scanned(&mut self) -> Result<AnyBus<C>, SetupError> {
+        let mut bus = self.opened()?;
+        bus.scan().map_err(|error| in_words(&error))?;
+        Ok(bus)
     }
 
     /// Keeps what was found so far; whoever can't is told at once, for nobody wants to find it all again.

@@ -21,7 +21,9 @@ mod turns;
 
 pub use dead_man::DeadMan;
 pub use drive::{DriveMap, MapProblem};
-pub use guide::{BackUp, Calibrated, Ended, Guide, MOST_PER_MILLE, Open, Outside, SetupError, Wished};
+pub use guide::{
+    BackUp, Calibrated, Ended, Guide, MOST_JOG_TORQUE_PER_MILLE, Open, Outside, SetupError, Wished,
+};
 pub use hand::{Answer, Hand, Key, Question};
 pub use jog::{Jog, JogEnd, JogPlan};
 pub use record::{AliasWrite, FoundDevice, FoundDrive, Leg, PassedOver, Record, Step, Turned};

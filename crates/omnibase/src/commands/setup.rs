@@ -23,7 +23,8 @@ use omnibase_host::{FileLock, stop_on_signals};
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::pace::PacedClock;
 use omnibase_setup::{
-    Calibrated, Ended, Guide, Hand, MOST_PER_MILLE, Outside, Record, SetupError, Step, Wished, robot_file,
+    Calibrated, Ended, Guide, Hand, MOST_JOG_TORQUE_PER_MILLE, Outside, Record, SetupError, Step, Wished,
+    robot_file,
 };
 use std::convert::Infallible;
 use std::io::{BufReader, Write};
@@ -107,8 +108,8 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     );
     let torque = arguments.torque_per_mille;
     anyhow::ensure!(
-        (1..=MOST_PER_MILLE).contains(&torque),
-        "--torque-per-mille {torque}: expected 1 to {MOST_PER_MILLE}"
+        (1..=MOST_JOG_TORQUE_PER_MILLE).contains(&torque),
+        "--torque-per-mille {torque}: expected 1 to {MOST_JOG_TORQUE_PER_MILLE}"
     );
     let base = small_file::text(&arguments.robot)?;
     let (state, told) = (beside(&arguments.output, "state.json"), beside(&arguments.output, "record.md"));

@@ -2,7 +2,6 @@
 
 use omnibase_ethercat::eeprom::with_checksum;
 use omnibase_ethercat::wire::{Clock, sii};
-use omnibase_ethercat::{Bus, BusOptions};
 
 use super::{AnyBus, Guide, Leave, SetupError, in_words};
 use crate::record::AliasWrite;
@@ -98,9 +97,7 @@ impl<C: Clock> Guide<'_, C> {
             writing.position
         );
         let (mut bus, (position, stands, found)) = loop {
-            let (link, clock) = (self.open)().map_err(SetupError::Open)?;
-            let mut bus = Bus::new(link, clock, BusOptions::default());
-            bus.scan().map_err(|error| in_words(&error))?;
+            let mut bus = self.scanned()?;
             match find(&mut bus, &writing) {
                 Looked::Its(position, stands, found) => break (bus, (position, stands, found)),
                 Looked::Another => {}
@@ -222,6 +219,7 @@ mod tests {
     use std::rc::Rc;
 
     use omnibase_ethercat::wire::{HostTime, Link, LinkError};
+    use omnibase_ethercat::{Bus, BusOptions};
     use omnibase_ethercat_sim::{Fault, SegmentFile, SimLink, VirtualClock, in_process};
 
     use super::*;

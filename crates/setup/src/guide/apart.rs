@@ -117,7 +117,7 @@ impl<C: Clock> Guide<'_, C> {
     /// it is left.
     pub(super) fn is_nobody_gone(&mut self) -> Result<bool, SetupError> {
         for _ in 0..ATTEMPTS {
-            let mut there: Vec<FoundDrive> = self.scanned()?.subdevices().iter().map(seen).collect();
+            let mut there: Vec<FoundDrive> = self.scanned_as_found()?.subdevices().iter().map(seen).collect();
             there.retain(|one| self.record.drives.iter().all(|drive| drive.position != one.position));
             let is_gone = |one: &&FoundDevice| {
                 let at = there.iter().position(|now| has_its_numbers(&one.as_drive(), now));

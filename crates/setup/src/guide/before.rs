@@ -7,7 +7,6 @@ use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::transaction::Access;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, register};
-use omnibase_ethercat::{Bus, BusOptions};
 
 use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE};
 use super::reading::{held, number};
@@ -17,7 +16,7 @@ use crate::record::{FoundDrive, GONE_ON, LEFT};
 /// What of findings drives hold a jog's max torque.
 const LIMITED: &str = "limited as by jogs";
 /// The greatest max torque that a jog is given, per mille of the rated.
-pub const MOST_PER_MILLE: u16 = 500;
+pub const MOST_JOG_TORQUE_PER_MILLE: u16 = 500;
 
 /// What a drive held before a motion.
 #[derive(Clone, Debug)]
@@ -231,8 +230,7 @@ impl<C: Clock> Guide<'_, C> {
                 }
                 lost.extend(now);
                 needed = answering;
-                let looked = self.who_was_jogged().and_then(|all| self.bus().map(|_| all));
-                match looked {
+                match self.who_was_jogged() {
                     Ok(all) => {
                         let kept_supply = all.iter().filter(|one| !lost.contains(&one.position));
                         let positions: Vec<String> =
@@ -268,11 +266,9 @@ impl<C: Clock> Guide<'_, C> {
         Ok(false)
     }
 
-    /// Who on the bus may have been jogged, by his numbers.
+    /// Who on the bus may have been jogged, by his numbers; an error where not all can be asked yet.
     fn who_was_jogged(&mut self) -> Result<Vec<FoundDrive>, SetupError> {
-        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
-        let mut bus = Bus::new(link, clock, BusOptions::default());
-        bus.scan().map_err(|error| in_words(&error))?;
+        let bus = self.bus()?;
         let all = bus.subdevices().iter().map(seen);
         let is_jogged = |one: &FoundDrive| self.record.jogged.iter().any(|other| has_its_numbers(other, one));
         Ok(all.filter(is_jogged).collect())
@@ -313,8 +309,7 @@ impl<C: Clock> Guide<'_, C> {
     /// How many SubDevices answer, and whose chip forgot the address that the last scan gave it: their supply was gone. Who was merely cut
     /// off has it still, and lost its torque by the end of the jog or by its watchdog.
     pub(super) fn who_lost_supply(&mut self) -> Result<(u16, Vec<u16>), SetupError> {
-        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
-        let mut bus = Bus::new(link, clock, BusOptions::default());
+        let mut bus = self.opened()?;
         let there = bus.count().unwrap_or(0);
         let has_lost = |position: &u16| {
             let address = Access::read_at("the station address", *position, register::STATION_ADDRESS, 2);
@@ -384,7 +379,7 @@ impl<C: Clock> Guide<'_, C> {
 
 /// Whether a max torque is one that a jog may have left: its limit, or none by whoever maps it.
 fn is_limit(bytes: &[u8]) -> bool {
-    matches!(*bytes, [low, high] if u16::from_le_bytes([low, high]) <= MOST_PER_MILLE)
+    matches!(*bytes, [low, high] if u16::from_le_bytes([low, high]) <= MOST_JOG_TORQUE_PER_MILLE)
 }
 
 /// Whether it is a drive with these numbers at this place.

@@ -2,12 +2,11 @@
 
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::Clock;
-use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_robot::Registry;
 use omnibase_robot::config::BusPlace;
 use omnibase_session::session::finds_all;
 
-use super::{ATTEMPTS, AnyBus, Guide, Leave, SetupError, in_words};
+use super::{ATTEMPTS, AnyBus, Guide, Leave, SetupError};
 use crate::robot_file::{self, RobotFileError};
 
 /// What of findings is of how a wheel's drive is found.
@@ -16,11 +15,9 @@ fn name_of(wheel: &str) -> String {
 }
 
 impl<C: Clock> Guide<'_, C> {
-    /// The segment in INIT, everybody looked at.
-    pub(super) fn scanned(&mut self) -> Result<AnyBus<C>, SetupError> {
-        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
-        let mut bus = Bus::new(link, clock, BusOptions::default());
-        bus.scan().map_err(|error| in_words(&error))?;
+    /// The same, and each drive is where it was found.
+    pub(super) fn scanned_as_found(&mut self) -> Result<AnyBus<C>, SetupError> {
+        let bus = self.scanned()?;
         self.are_those_found(&bus)?;
         Ok(bus)
     }
@@ -44,7 +41,7 @@ impl<C: Clock> Guide<'_, C> {
 
     /// Whether the robot's file as it will be finds everybody where he is.
     pub(super) fn finds_all(&mut self) -> Result<bool, SetupError> {
-        let bus = self.scanned()?;
+        let bus = self.scanned_as_found()?;
         let plan = self.text().and_then(|text| Ok(robot_file::plan(&text, &Registry::with_built_in())?));
         let found = match plan {
             Ok(plan) => finds_all(&bus, &plan).map_err(|error| error.to_string()),
@@ -59,7 +56,7 @@ impl<C: Clock> Guide<'_, C> {
 
     /// What is written counts once the drives were switched off and on.
     fn name_each(&mut self) -> Result<bool, SetupError> {
-        let mut bus = self.scanned()?;
+        let mut bus = self.scanned_as_found()?;
         let mut written: Vec<(usize, u16)> = Vec::new();
         for number in 0..self.record.drives.len() {
             let drive = self.record.drives[number].clone();
@@ -134,7 +131,7 @@ impl<C: Clock> Guide<'_, C> {
         if !self.are_switched_off_and_on()? {
             return Ok(false);
         }
-        let bus = self.scanned()?;
+        let bus = self.scanned_as_found()?;
         for (number, alias) in written {
             let drive = &mut self.record.drives[number];
             let shown = bus.subdevices()[usize::from(drive.position)].alias;

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::atomic::AtomicBool;
 
 use omnibase_cia402::ErrorCode;
+use omnibase_ethercat::ProcessImage;
 use omnibase_ethercat::config::{SubDeviceConfig, SyncManagerPdos};
 use omnibase_ethercat::cyclic::{
     AcyclicCompletion, AcyclicRequest, AcyclicWork, Goal, Handover, TransitionOptions,
@@ -14,7 +15,6 @@ use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
 use omnibase_ethercat::subdevice::{Direction, SubDevice};
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, Link, LinkError};
-use omnibase_ethercat::{Bus, BusOptions, ProcessImage};
 use omnibase_robot::config::BusPlan;
 use omnibase_session::session::{check_watchdogs, clock_direction, pace, supported_modes};
 
@@ -125,10 +125,7 @@ impl<C: Clock> Operational<C> {
 impl<C: Clock> Guide<'_, C> {
     /// To OP as every start of the robot does, torques limited before anything else.
     pub(super) fn operational(&mut self) -> Result<Operational<C>, SetupError> {
-        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
-        let mut bus = Bus::new(link, clock, BusOptions::default());
-        bus.scan().map_err(|error| in_words(&error))?;
-        self.are_those_found(&bus)?;
+        let mut bus = self.scanned_as_found()?;
         bus.configure(&[]).map_err(|error| in_words(&error))?;
         self.remember(&mut bus)?;
         let cycle_ns = self.wished.cycle.as_nanos() as u64;

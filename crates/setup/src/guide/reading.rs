@@ -8,7 +8,6 @@ use omnibase_ethercat::mailbox::MailboxError;
 use omnibase_ethercat::start_up::{ReadBack, SdoAccess};
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, sii};
-use omnibase_ethercat::{Bus, BusOptions};
 
 use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
@@ -36,9 +35,7 @@ const TOLD_GEAR: RangeInclusive<f64> = 0.001..=1000.0;
 impl<C: Clock> Guide<'_, C> {
     /// The segment in PRE-OP, each SubDevice as it describes itself.
     pub(super) fn bus(&mut self) -> Result<AnyBus<C>, SetupError> {
-        let (link, clock) = (self.open)().map_err(SetupError::Open)?;
-        let mut bus = Bus::new(link, clock, BusOptions::default());
-        bus.scan().map_err(|error| in_words(&error))?;
+        let mut bus = self.scanned()?;
         bus.configure(&[]).map_err(|error| in_words(&error))?;
         Ok(bus)
     }

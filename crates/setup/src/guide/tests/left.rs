@@ -51,8 +51,8 @@ fn drives_hold_behind_a_motion_what_they_held_before_it() {
 #[test]
 fn whatever_frames_are_lost_in_a_motion_is_put_back_or_known() {
     // None from the first: so many has a motion.
-    let (mut frames, mut place, mut broken_off) = (u32::MAX, u32::MAX, 0);
-    while place == u32::MAX || place < frames {
+    let (mut frames, mut place, mut broken_off) = (0, None, 0);
+    while place.is_none_or(|place| place < frames) {
         let (link, clock) = drives_of(BASE);
         let link = Interrupted { link, sent: Rc::default(), lost: Rc::default() };
         let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
@@ -60,19 +60,20 @@ fn whatever_frames_are_lost_in_a_motion_is_put_back_or_known() {
         };
         with_found(BASE, &mut open, &mut Nobody, |guide| {
             let begun = link.sent.get();
-            let from = begun.saturating_add(place);
-            link.lost.set([from, from.saturating_add(60)]);
+            if let Some(place) = place {
+                link.lost.set([begun + place, begun + place + 60]);
+            }
             broken_off += u32::from(!matches!(guide.watch(0, 0.01), Ok(Some(_))));
-            if place == u32::MAX {
+            if place.is_none() {
                 frames = link.sent.get() - begun;
             }
             link.lost.set([0, 0]);
             if !guide.record.jogged.is_empty() {
-                assert!(guide.leave_as_found().is_empty(), "{place}");
+                assert!(guide.leave_as_found().is_empty(), "{place:?}");
             }
-            assert_eq!(max_torques(&link.link, &clock), [3000; 3], "{place} of {frames}");
+            assert_eq!(max_torques(&link.link, &clock), [3000; 3], "{place:?} of {frames}");
         });
-        place = if place == u32::MAX { 0 } else { place + 9 };
+        place = Some(place.map_or(0, |place| place + 9));
     }
     assert!(broken_off > 20, "{broken_off}");
 }
@@ -405,7 +406,7 @@ fn what_a_jog_left_in_a_drive_is_not_stored() {
         // Nor where its limit is its own by somebody's word; nor what a jog wrote over and nobody put back.
         let mut bus = guide.bus().unwrap();
         let drives = guide.record.drives.clone();
-        bus.sdo_write(0, torque, &MOST_PER_MILLE.to_le_bytes()).unwrap();
+        bus.sdo_write(0, torque, &MOST_JOG_TORQUE_PER_MILLE.to_le_bytes()).unwrap();
         assert!(guide.left_by_jog(&mut bus, &drives[0]).unwrap().starts_with("its max torque (6072) is as"));
         guide.record.jogged = vec![drives[1].clone()];
         assert!(guide.left_by_jog(&mut bus, &drives[1]).unwrap().starts_with("it holds what a jog wrote"));
