@@ -15,10 +15,13 @@ use crate::record::FoundDrive;
 
 /// What a jog writes over in a drive of its own: max torque, mode, what is added to a speed or a torque, how it is synchronised.
 pub(super) const JOG_WRITES: [(u16, u8); 6] =
-    [(MAX_TORQUE, 0), (0x6060, 0), (OFFSETS[0].0, 0), (OFFSETS[1].0, 0), (0x1C32, 1), (0x1C33, 1)];
+    [(MAX_TORQUE, 0), (MODE, 0), (OFFSETS[0].0, 0), (OFFSETS[1].0, 0), SYNC_TYPES[0], SYNC_TYPES[1]];
+/// How outputs and inputs are synchronised.
+const SYNC_TYPES: [(u16, u8); 2] = [(0x1C32, 1), (0x1C33, 1)];
 /// What is added to each speed and torque that is told, and bytes.
 pub(super) const OFFSETS: [(u16, usize); 2] = [(0x60B1, 4), (0x60B2, 2)];
 pub(super) const MAX_TORQUE: u16 = 0x6072;
+pub(super) const MODE: u16 = 0x6060;
 /// Has a drive store what it holds, for one the max torque of a jog.
 pub(super) const STORE: u16 = 0x1010;
 
@@ -91,6 +94,13 @@ impl AtStart {
         self
     }
 
+    /// What a jog can't do without and isn't known: its limit, its mode, how it is synchronised.
+    pub(super) fn missing(&self, was: &[(u16, u8, Vec<u8>)]) -> Option<ObjectAddress> {
+        let synchronised = SYNC_TYPES.into_iter().filter(|_| self.config.sync_mode.is_some());
+        let mut needed = [(MAX_TORQUE, 0), (MODE, 0)].into_iter().chain(synchronised);
+        needed.find(|object| !has(was, *object)).map(|(index, subindex)| ObjectAddress::new(index, subindex))
+    }
+
     /// Whether it writes this there.
     pub(super) fn writes(&self, object: ObjectAddress, bytes: &[u8]) -> bool {
         self.sdos().any(|sdo| sdo.object == object && sdo.data == bytes)
@@ -121,8 +131,11 @@ fn of_nobody(bus: &BusPlan) -> SubDeviceConfig {
 }
 
 fn is_known(sdo: &SdoWrite, was: &[(u16, u8, Vec<u8>)]) -> bool {
-    let object = (sdo.object.index, sdo.object.subindex);
-    sdo.access == SdoAccess::Entry && was.iter().any(|(index, subindex, _)| (*index, *subindex) == object)
+    sdo.access == SdoAccess::Entry && has(was, (sdo.object.index, sdo.object.subindex))
+}
+
+fn has(was: &[(u16, u8, Vec<u8>)], object: (u16, u8)) -> bool {
+    was.iter().any(|(index, subindex, _)| (*index, *subindex) == object)
 }
 
 fn is_same(one: &SdoWrite, other: &SdoWrite) -> bool {

@@ -34,21 +34,25 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn remember(&mut self, bus: &mut AnyBus<C>) -> Result<(), SetupError> {
         self.put_back(bus);
         self.on_bus = bus.subdevices().len();
+        let mut read = Vec::new();
         for drive in &mut self.record.drives {
             if self.written.iter().any(|one| is_same(&one.drive, drive)) {
                 continue;
             }
             drive.was = held(bus, &self.plan, drive).map_err(|error| in_words(&error))?;
-            if !drive.was.iter().any(|(index, ..)| *index == MAX_TORQUE) {
+            if let Some(object) = AtStart::of_drive(&self.plan, &self.plan.bus, drive).missing(&drive.was) {
                 return Err(SetupError::Bus(format!(
-                    "SubDevice {}: its max torque (6072) can't be read, so nobody could put it back behind a jog: jog it by its maker's tool",
+                    "SubDevice {}: its {object} can't be read, so nobody could put it back behind a jog: jog it again, or by its maker's tool",
                     drive.position
                 )));
             }
-            self.written.push(Before { drive: drive.clone(), is_in_sight: true });
-            if !self.record.jogged.iter().any(|one| is_same(one, drive)) {
+            read.push(drive.clone());
+        }
+        for drive in read {
+            if !self.record.jogged.iter().any(|one| is_same(one, &drive)) {
                 self.record.jogged.push(drive.clone());
             }
+            self.written.push(Before { drive, is_in_sight: true });
         }
         // Nobody could say later who may hold what a jog wrote.
         (self.keep)(&self.record).map_err(SetupError::Unkept)

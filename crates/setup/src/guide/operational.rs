@@ -27,7 +27,7 @@ use crate::record::FoundDrive;
 /// Where a drive says by what it failed; and how long it is waited for that, cycles.
 const ERROR_CODE: ObjectAddress = ObjectAddress::new(0x603F, 0);
 const ASKING_CYCLES: u32 = 500;
-const MODE: ObjectAddress = ObjectAddress::new(0x6060, 0);
+const MODE: ObjectAddress = ObjectAddress::new(super::at_start::MODE, 0);
 const MODE_SHOWN: ObjectAddress = ObjectAddress::new(0x6061, 0);
 /// Commands of CiA 402, which are nothing unless a jog gives them: control word; targets, and what is added to them.
 const COMMANDS: [u16; 9] = [CONTROL_WORD, 0x6042, 0x60FF, 0x6071, 0x607A, 0x60B0, 0x60B1, 0x60B2, 0x60C1];
@@ -184,10 +184,10 @@ impl<C: Clock> Guide<'_, C> {
         let at_start = |found: &SubDevice| match drive_at(found.position) {
             None => AtStart::of_device(&self.plan, bus_plan, found),
             Some(drive) => {
-                let AtStart { mut config, maps } =
-                    AtStart::of_drive(&self.plan, bus_plan, drive).of_known(&drive.was);
-                config.sdos = [vec![limit.clone(), mode.clone()], offsets.to_vec(), config.sdos].concat();
-                AtStart { config, maps }
+                let mut all = AtStart::of_drive(&self.plan, bus_plan, drive);
+                all.config.sdos =
+                    [vec![limit.clone(), mode.clone()], offsets.to_vec(), all.config.sdos].concat();
+                all.of_known(&drive.was)
             }
         };
         let (mut configs, maps): (Vec<SubDeviceConfig>, Vec<Vec<SyncManagerPdos>>) =

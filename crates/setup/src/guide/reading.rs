@@ -346,7 +346,8 @@ impl<C: Clock> Guide<'_, C> {
     }
 }
 
-/// What a jog would write over in a drive, as it is now. What it says no to is left out; an error where it doesn't say anything.
+/// What a jog would write over in a drive, as it is now. What it says no to is left out, and no jog writes it; an error where it
+/// doesn't say anything.
 pub(super) fn held<C: Clock>(
     bus: &mut AnyBus<C>,
     plan: &RobotPlan,
