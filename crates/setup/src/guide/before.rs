@@ -7,10 +7,13 @@ use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::transaction::Access;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, register};
+use omnibase_robot::config::DrivePlan;
 
 use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE};
 use super::reading::{held, number};
-use super::{ATTEMPTS, AnyBus, Guide, Leave, SetupError, has_its_numbers, in_words, is_it, seen, who};
+use super::{
+    ATTEMPTS, AnyBus, Guide, Leave, SetupError, has_its_numbers, in_words, is_it, is_product, seen, who,
+};
 use crate::record::{FoundDrive, GONE_ON, LEFT};
 
 /// What of findings drives hold a jog's max torque.
@@ -30,15 +33,12 @@ pub(crate) struct Before {
 pub(super) type Refused = Vec<(FoundDrive, String)>;
 
 impl<C: Clock> Guide<'_, C> {
-    /// Reads what the next jog writes over; what an earlier one wrote there isn't put back yet where that failed.
+    /// Reads what the next jog writes over; of what an earlier one wrote there and that isn't put back yet, what it read counts.
     pub(super) fn remember(&mut self, bus: &mut AnyBus<C>) -> Result<(), SetupError> {
         self.put_back(bus);
         self.on_bus = bus.subdevices().len();
         let mut read = Vec::new();
         for drive in &mut self.record.drives {
-            if self.written.iter().any(|one| is_same(&one.drive, drive)) {
-                continue;
-            }
             drive.was = held(bus, &self.plan, drive).map_err(|error| in_words(&error))?;
             if let Some(object) = AtStart::of_drive(&self.plan, &self.plan.bus, drive).missing(&drive.was) {
                 return Err(SetupError::Bus(format!(
@@ -46,7 +46,13 @@ impl<C: Clock> Guide<'_, C> {
                     drive.position
                 )));
             }
-            read.push(drive.clone());
+            let mut its = drive.clone();
+            let earlier = self.written.iter().find(|one| is_same(&one.drive, drive));
+            for one in earlier.map_or(Vec::new(), |earlier| earlier.drive.was.clone()) {
+                its.was.retain(|new| !is_of(&one, new));
+                drive.was.iter_mut().filter(|new| is_of(&one, new)).for_each(|new| new.clone_from(&one));
+            }
+            read.push(its);
         }
         for drive in read {
             if !self.record.jogged.iter().any(|one| is_same(one, &drive)) {
@@ -58,14 +64,14 @@ impl<C: Clock> Guide<'_, C> {
         (self.keep)(&self.record).map_err(SetupError::Unkept)
     }
 
-    /// What jogs of this program wrote over is as it was; of whom it isn't, that stays remembered.
+    /// What jogs of this program wrote over is as it was; what isn't stays remembered.
     pub(super) fn put_back(&mut self, bus: &mut AnyBus<C>) -> Refused {
-        let mut refused = Refused::new();
         // Behind one that is dark others may stand at its place.
         if bus.subdevices().len() != self.on_bus {
             self.lose_sight();
         }
-        for before in self.written.clone() {
+        let (mut left, mut refused) = (Vec::<Before>::new(), Refused::new());
+        for mut before in self.written.clone() {
             let drive = &before.drive;
             let now = bus.subdevices().get(usize::from(drive.position)).map(seen);
             // It may have got an alias since.
@@ -83,15 +89,22 @@ impl<C: Clock> Guide<'_, C> {
                         ]
                     }
                 },
-                Some(true) => self.write_back(bus, &before),
+                Some(true) => self.write_back(bus, &mut before),
             };
             if words.is_empty() {
-                self.written.retain(|one| !is_same(&one.drive, drive));
-                self.record.jogged.retain(|one| !is_same(one, drive));
-            } else {
-                refused.push((before.drive, words.join("; ")));
+                continue;
             }
+            match left.iter_mut().find(|one| is_same(&one.drive, &before.drive)) {
+                Some(earlier) => earlier.drive.was.append(&mut before.drive.was),
+                None => left.push(before.clone()),
+            }
+            refused.push((before.drive, words.join("; ")));
         }
+        self.record.jogged.retain(|one| {
+            let is_in = |all: &[Before]| all.iter().any(|before| is_same(&before.drive, one));
+            is_in(&left) || !is_in(&self.written)
+        });
+        self.written = left;
         // Whoever is asked from now on may plug and set.
         self.lose_sight();
         refused
@@ -107,31 +120,40 @@ impl<C: Clock> Guide<'_, C> {
         let drive = &before.drive;
         let is_other = |one: &FoundDrive| one.position != drive.position && is_it(drive, one);
         let mut all = self.record.drives.iter().chain(self.written.iter().map(|one| &one.drive));
-        !before.is_in_sight && all.any(|one| is_other(one) && one.was != drive.was)
+        let held_other = |one: &FoundDrive| {
+            let mut pairs = one.was.iter().flat_map(|its| drive.was.iter().map(move |was| (its, was)));
+            pairs.any(|(its, was)| is_of(its, was) && its.2 != was.2)
+        };
+        !before.is_in_sight && all.any(|one| is_other(one) && held_other(one))
     }
 
-    /// What one drive held; in words what it refuses. Since it was out of sight it may have lost its supply, or been set by somebody:
-    /// what no jog writes stays then. Its max torque comes last: who isn't limited has all of it.
-    fn write_back(&mut self, bus: &mut AnyBus<C>, before: &Before) -> Vec<String> {
-        let Before { drive, is_in_sight } = before;
+    /// What one drive held; in words what it refuses, which alone is left of it. Since it was out of sight it may have lost its supply, or
+    /// been set by somebody: what no jog writes stays then. Its max torque comes last: who isn't limited has all of it.
+    fn write_back(&mut self, bus: &mut AnyBus<C>, before: &mut Before) -> Vec<String> {
+        let position = before.drive.position;
+        let (last, first): (Vec<_>, Vec<_>) =
+            std::mem::take(&mut before.drive.was).into_iter().partition(|(index, ..)| *index == MAX_TORQUE);
         let mut refused = Vec::new();
-        let position = drive.position;
-        let [first, last] =
-            [false, true].map(|is_last| drive.was.iter().filter(move |was| (was.0 == MAX_TORQUE) == is_last));
-        for (index, subindex, was) in first.chain(last) {
+        for one in first.into_iter().chain(last) {
+            let (index, subindex, was) = &one;
             let object = ObjectAddress::new(*index, *subindex);
             let now = bus.sdo_read(position, object, SdoAccess::Entry).ok();
             if now.as_ref() == Some(was) {
                 continue;
             }
-            let before = number(was);
-            if let Some(now) = now.filter(|now| !is_in_sight && !self.is_of_jog(drive, object, now)) {
+            let held = number(was);
+            if let Some(now) =
+                now.filter(|now| !before.is_in_sight && !self.is_of_jog(&before.drive, object, now))
+            {
                 let now = number(&now);
                 self.record.note(format!(
-                    "SubDevice {position}: {object} was {before} before it was jogged, and is {now}, which no jog writes: that stays"
+                    "SubDevice {position}: {object} was {held} before it was jogged, and is {now}, which no jog writes: that stays"
                 ));
+            } else if *index == MAX_TORQUE && !refused.is_empty() {
+                before.drive.was.push(one);
             } else if let Err(error) = bus.sdo_write(position, object, was) {
-                refused.push(format!("{object} was {before}, and can't be put back: {error}"));
+                refused.push(format!("{object} was {held}, and can't be put back: {error}"));
+                before.drive.was.push(one);
             }
         }
         refused
@@ -154,11 +176,17 @@ impl<C: Clock> Guide<'_, C> {
         now.map_or(true, |now| is_limit(&now) && !self.is_wished(drive, &now))
     }
 
-    /// Whether the file has this max torque for the drive's wheel.
+    /// Whether the file gives the drive's wheel this max torque, or, before it was seen which that is, any wheel of such a product.
     fn is_wished(&self, drive: &FoundDrive, bytes: &[u8]) -> bool {
-        let of_wheel = self.plan.drives.iter().find(|plan| drive.wheel.as_ref() == Some(&plan.name));
-        let parameters = of_wheel.map_or(&[][..], |plan| &plan.parameters[..]);
-        parameters.iter().any(|one| one.index == MAX_TORQUE && one.data == bytes)
+        let is_its = |plan: &&DrivePlan| {
+            drive.wheel.as_ref().map_or(is_product(plan, drive), |wheel| *wheel == plan.name)
+        };
+        let mut plans = self.plan.drives.iter().filter(is_its);
+        plans.any(|plan| {
+            let limit = plan.scale.torque_limit_per_mille(plan.torque_limit.wheel_nm);
+            let parameters = plan.parameters.iter().filter(|one| one.index == MAX_TORQUE);
+            bytes == limit.to_le_bytes() || parameters.map(|one| &one.data[..]).any(|data| data == bytes)
+        })
     }
 
     /// A motion is over. Where frames were lost nobody is looked for: whoever is dark shows later by that that its supply was gone.
@@ -234,17 +262,18 @@ impl<C: Clock> Guide<'_, C> {
                 }
                 lost.extend(now);
                 needed = answering;
-                match self.who_was_jogged() {
-                    Ok(all) => {
-                        let kept_supply = all.iter().filter(|one| !lost.contains(&one.position));
-                        let positions: Vec<String> =
-                            kept_supply.map(|one| one.position.to_string()).collect();
-                        if positions.is_empty() {
-                            return Ok(self.no_longer_jogged(all));
-                        }
-                        (there, kept) = (all, format!("SubDevices {}", positions.join(", ")));
-                    }
+                let looked = self.who_was_jogged().map(|all| there = all);
+                let kept_supply = there.iter().map(|one| one.position).filter(|one| !lost.contains(one));
+                let kept_supply: Vec<String> = kept_supply.map(|one| one.to_string()).collect();
+                let are_up = looked.and_then(|()| match kept_supply[..] {
+                    [] => self.bus().map(drop),
+                    _ => Ok(()),
+                });
+                match are_up {
+                    Ok(()) if kept_supply.is_empty() => return Ok(self.no_longer_jogged(there)),
+                    Ok(()) => kept = format!("SubDevices {}", kept_supply.join(", ")),
                     Err(error) => {
+                        kept = "drives".to_owned();
                         self.hand.tell(&format!("{error}: wait until all drives are up, and say it again"));
                     }
                 }
@@ -270,9 +299,9 @@ impl<C: Clock> Guide<'_, C> {
         Ok(false)
     }
 
-    /// Who on the bus may have been jogged, by his numbers; an error where not all can be asked yet.
+    /// Who on the bus may have been jogged, by his numbers.
     fn who_was_jogged(&mut self) -> Result<Vec<FoundDrive>, SetupError> {
-        let bus = self.bus()?;
+        let bus = self.scanned()?;
         let all = bus.subdevices().iter().map(seen);
         let is_jogged = |one: &FoundDrive| self.record.jogged.iter().any(|other| has_its_numbers(other, one));
         Ok(all.filter(is_jogged).collect())
@@ -384,6 +413,11 @@ impl<C: Clock> Guide<'_, C> {
 /// Whether a max torque is one that a jog may have left: its limit, or none by whoever maps it.
 fn is_limit(bytes: &[u8]) -> bool {
     matches!(*bytes, [low, high] if u16::from_le_bytes([low, high]) <= MOST_JOG_TORQUE_PER_MILLE)
+}
+
+/// Whether both are of one object.
+fn is_of(one: &(u16, u8, Vec<u8>), other: &(u16, u8, Vec<u8>)) -> bool {
+    (one.0, one.1) == (other.0, other.1)
 }
 
 /// Whether it is a drive with these numbers at this place.

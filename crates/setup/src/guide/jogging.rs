@@ -33,18 +33,18 @@ pub(super) enum Motion {
 impl<C: Clock> Guide<'_, C> {
     /// Turns one drive while its key is held; all have back what they held then.
     pub(super) fn jog(&mut self, number: usize, motion: Motion, what: &str) -> Result<Jog, SetupError> {
-        let jog = self.jog_limited(number, motion, what);
-        self.after_motion(jog.as_ref().is_ok_and(|jog| jog.end == JogEnd::Lost));
-        jog
+        let ended = self.jog_limited(number, motion, what);
+        self.after_motion(ended.as_ref().is_ok_and(|(_, is_lost)| *is_lost));
+        ended.map(|(jog, _)| jog)
     }
 
-    /// With the limits of a jog in all drives.
+    /// With the limits of a jog in all drives; whether frames were lost in it or behind it.
     pub(super) fn jog_limited(
         &mut self,
         number: usize,
         motion: Motion,
         what: &str,
-    ) -> Result<Jog, SetupError> {
+    ) -> Result<(Jog, bool), SetupError> {
         let mut operational = self.operational()?;
         let drive = self.record.drives[number].clone();
         if let Err(words) = operational.shows_its_mode(number, drive.position)? {
@@ -83,13 +83,12 @@ impl<C: Clock> Guide<'_, C> {
             drive.position, jog.end, jog.travel_counts, jog.enabled_cycles, jog.unheld_cycles
         ));
         self.kept();
-        match ended {
-            // Who is lost goes nowhere, and that is told already; one that said a fault may have lost its supply by then.
-            Err(_) if jog.end == JogEnd::Lost => {}
-            Err(_) if matches!(jog.end, JogEnd::Drive(_)) => jog.end = JogEnd::Lost,
-            ended => ended.map_err(|error| in_words(&error))?,
+        let is_lost = jog.end == JogEnd::Lost || ended.is_err();
+        // Who is lost goes nowhere, and that is told already; where one said a fault, it or another may have lost its supply by then.
+        if !matches!(jog.end, JogEnd::Lost | JogEnd::Drive(_)) {
+            ended.map_err(|error| in_words(&error))?;
         }
-        Ok(jog)
+        Ok((jog, is_lost))
     }
 
     /// Nothing is enabled for so long: between the least and the greatest position of one drive, counts; `None` where frames were lost.

@@ -9,6 +9,7 @@ use omnibase_ethercat::config::{SubDeviceConfig, SyncManagerPdos};
 use omnibase_ethercat::cyclic::{
     AcyclicCompletion, AcyclicRequest, AcyclicWork, Goal, Handover, TransitionOptions,
 };
+use omnibase_ethercat::error::SetUpError;
 use omnibase_ethercat::mailbox::MailboxRequest;
 use omnibase_ethercat::paced::{PacedBus, ReachError};
 use omnibase_ethercat::start_up::{ReadBack, Refusal, SdoAccess, SdoWrite};
@@ -19,6 +20,7 @@ use omnibase_robot::config::BusPlan;
 use omnibase_session::session::{check_watchdogs, clock_direction, pace, supported_modes};
 
 use super::at_start::{AtStart, MAX_TORQUE, OFFSETS};
+use super::reading::is_no;
 use super::{AnyBus, Guide, SetupError, has_its_numbers, in_words, is_it, seen, who};
 use crate::drive::{DriveMap, FIRST_OBJECT, Objects, can_be_jogged, mapped, put_bits};
 use crate::jog::{JOGGED_IN, Jogger};
@@ -198,7 +200,8 @@ impl<C: Clock> Guide<'_, C> {
             let at = usize::from(position);
             let own = objects(&bus.subdevices()[at]);
             let shows_its_mode = own[1].contains(&(MODE_SHOWN, 8));
-            let will_do = can_be_jogged(&own) && shows_its_mode && kept(bus, position).is_ok();
+            let kept = kept(bus, position).map_err(|error| in_words(&error))?;
+            let will_do = can_be_jogged(&own) && shows_its_mode && kept.is_ok();
             if !will_do && can_be_jogged(&wished_objects(&maps[at])) {
                 configs[at].pdos.clone_from(&maps[at]);
                 given.push(position);
@@ -253,7 +256,7 @@ impl<C: Clock> Guide<'_, C> {
         let mut values = Values::new();
         for position in 0..bus.subdevices().len() as u16 {
             if self.record.drives.iter().any(|drive| drive.position == position) {
-                let kept = kept(bus, position).map_err(|object| {
+                let kept = kept(bus, position).map_err(|error| in_words(&error))?.map_err(|object| {
                     SetupError::Bus(format!(
                         "SubDevice {position}: its map has {object}, and what stands there can't be read, so a jog would write 0 over it: give \
                          its drive in the robot's file `outputs` without it, or jog it by its maker's tool"
@@ -310,23 +313,23 @@ fn wished_objects(maps: &[SyncManagerPdos]) -> Objects {
     })
 }
 
-/// What a drive holds that it maps beside what a jog tells; an error is the object that can't be read.
+/// What a drive holds that it maps beside what a jog tells, or the object that can't be read; an error where it doesn't say anything.
 fn kept<C: Clock>(
     bus: &mut AnyBus<C>,
     position: u16,
-) -> Result<Vec<(ObjectAddress, Vec<u8>)>, ObjectAddress> {
+) -> Result<Result<Vec<(ObjectAddress, Vec<u8>)>, ObjectAddress>, SetUpError> {
     let [outputs, _] = objects(&bus.subdevices()[usize::from(position)]);
     let is_kept =
         |object: ObjectAddress| !is_command(object) && ![MODE.index, MAX_TORQUE].contains(&object.index);
     let mut kept = Vec::new();
     for (object, bits) in outputs.into_iter().filter(|(object, _)| is_kept(*object)) {
-        let was = bus.sdo_read(position, object, SdoAccess::Entry).map_err(|_| object)?;
-        if 8 * was.len() < usize::from(bits) {
-            return Err(object);
+        match bus.sdo_read(position, object, SdoAccess::Entry) {
+            Ok(was) if 8 * was.len() >= usize::from(bits) => kept.push((object, was)),
+            Err(error) if !is_no(&error) => return Err(error),
+            _ => return Ok(Err(object)),
         }
-        kept.push((object, was));
     }
-    Ok(kept)
+    Ok(Ok(kept))
 }
 
 fn is_command(object: ObjectAddress) -> bool {

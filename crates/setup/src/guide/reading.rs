@@ -60,8 +60,6 @@ impl<C: Clock> Guide<'_, C> {
             found.told_gear = ratio(0x6091).filter(|gear| TOLD_GEAR.contains(gear));
             found.rated_torque_nm =
                 read(0x6076, 0).filter(|torque| *torque > 0).map(|torque| f64::from(torque) / 1000.0);
-            // Each motion reads it anew, and ends where it can't.
-            found.was = held(bus, &self.plan, &found).unwrap_or_default();
             drives.push(found);
         }
         drives
@@ -82,7 +80,8 @@ impl<C: Clock> Guide<'_, C> {
             return Ok(false);
         }
         let mut found = Vec::new();
-        for drive in &drives {
+        for drive in &mut drives {
+            drive.was = held(&mut bus, &self.plan, drive).map_err(|error| in_words(&error))?;
             let rated = drive.rated_torque_nm.map_or("not told".to_owned(), |torque| format!("{torque} N·m"));
             let counts = drive.told_counts.map_or("not told".to_owned(), |counts| counts.to_string());
             let text = format!(
@@ -139,7 +138,7 @@ impl<C: Clock> Guide<'_, C> {
     pub(super) fn compare(&mut self) -> Result<(), SetupError> {
         let mut bus = self.bus()?;
         self.are_those_found(&bus)?;
-        let mut now = self.drives_on(&mut bus);
+        let now = self.drives_on(&mut bus);
         for was in &self.record.drives {
             if !now.iter().any(|one| one.position == was.position) {
                 let found = "no drive".to_owned();
@@ -149,12 +148,11 @@ impl<C: Clock> Guide<'_, C> {
         let left_over: Vec<u16> =
             self.record.drives.iter().filter(|one| self.is_left_over(one)).map(|one| one.position).collect();
         for was in &mut self.record.drives {
-            if let Some(now) = now.iter_mut().find(|one| one.position == was.position) {
-                if left_over.contains(&was.position) {
-                    was.alias = now.alias;
-                }
-                was.was = std::mem::take(&mut now.was);
+            let now = now.iter().find(|one| one.position == was.position);
+            if let Some(now) = now.filter(|_| left_over.contains(&was.position)) {
+                was.alias = now.alias;
             }
+            was.was = held(&mut bus, &self.plan, was).map_err(|error| in_words(&error))?;
         }
         let mut shown = Vec::new();
         for was in self.record.drives.iter_mut().filter(|was| was.written_alias.is_some()) {
@@ -268,7 +266,6 @@ impl<C: Clock> Guide<'_, C> {
             if let Some(text) = other_units(&plan, drive) {
                 self.tell_found(text);
             }
-            self.record.make_good(Step::Parameters, Some(&wheel));
             let mut differing = Vec::new();
             let (to_store, at_each_start): (Vec<_>, Vec<_>) =
                 plan.parameters.into_iter().partition(can_be_stored);
@@ -297,6 +294,7 @@ impl<C: Clock> Guide<'_, C> {
             }
             if differing.is_empty() {
                 self.hand.tell(&format!("{wheel}: all parameters are as the file says"));
+                self.record.make_good(Step::Parameters, Some(&wheel));
                 continue;
             }
             let choices = ["write", "store", "leave them"].map(str::to_owned);
@@ -307,6 +305,7 @@ impl<C: Clock> Guide<'_, C> {
             let Ok(choice) = self.choose(format!("parameters {}", drive.position), text, &choices) else {
                 return Ok(false);
             };
+            self.record.make_good(Step::Parameters, Some(&wheel));
             if choice == "leave them" {
                 continue;
             }
@@ -367,7 +366,7 @@ pub(super) fn held<C: Clock>(
 }
 
 /// Whether it is a drive's own no.
-fn is_no(error: &SetUpError) -> bool {
+pub(super) fn is_no(error: &SetUpError) -> bool {
     matches!(error, SetUpError::Request { cause: MailboxError::Aborted { .. }, .. })
 }
 

@@ -118,7 +118,10 @@ fn what_else_a_drive_maps_is_as_it_was_behind_a_jog_and_commands_are_nothing() {
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     // Its own map will do, so it stays.
     with_found(&base("sync0", true), &mut open, &mut Holds(0), |guide| {
-        assert_eq!(guide.jog_limited(1, jogging::Motion::Turns, "hold the key").unwrap().end, JogEnd::LetGo);
+        assert_eq!(
+            guide.jog_limited(1, jogging::Motion::Turns, "hold the key").unwrap().0.end,
+            JogEnd::LetGo
+        );
         let mut bus = by_tool(&link, &clock);
         for position in 0..3 {
             for (index, _, value) in KEPT {
