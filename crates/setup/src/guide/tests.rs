@@ -16,6 +16,7 @@ mod left;
 mod maps;
 mod motions;
 mod passed;
+mod refused;
 mod standing;
 mod supply;
 mod written;

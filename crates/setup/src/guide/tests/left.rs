@@ -84,66 +84,6 @@ fn whatever_frames_are_lost_in_a_motion_is_put_back_or_known() {
     assert!(broken_off > 20, "{broken_off}");
 }
 
-/// A drive that is busy when it is asked for one object.
-#[derive(Clone)]
-struct Busy {
-    link: Powered,
-    object: Rc<std::cell::Cell<Option<ObjectAddress>>>,
-}
-
-impl Link for Busy {
-    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
-        self.link.send(frame)
-    }
-
-    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
-        let length = self.link.receive(buffer, deadline)?;
-        let (Some(length), Some(object)) = (length, self.object.get()) else { return Ok(length) };
-        // An SDO response, an expedited upload's, and its object.
-        let [low, high] = object.index.to_le_bytes();
-        let is_answer = |bytes: &[u8]| {
-            bytes[..2] == [0, 0x30] && bytes[2] & 0xF3 == 0x43 && bytes[3..6] == [low, high, object.subindex]
-        };
-        if let Some(at) = buffer[..length].windows(10).position(is_answer) {
-            buffer[at + 2] = 0x80;
-            buffer[at + 6..at + 10].copy_from_slice(&0x0800_0021_u32.to_le_bytes());
-        }
-        Ok(Some(length))
-    }
-}
-
-/// What a busy drive doesn't tell before a motion isn't written by it: nobody could put it back.
-#[test]
-fn what_a_busy_drive_does_not_tell_is_not_written() {
-    for (index, subindex, value) in [
-        (at_start::MODE, 0, &[1_u8][..]),
-        (0x60B1, 0, &[7, 0, 0, 0]),
-        (0x60B2, 0, &[9, 0]),
-        (0x1C32, 1, &[1, 0]),
-    ] {
-        let (link, clock) = drives_of(BASE);
-        let link = Busy { link, object: Rc::default() };
-        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
-            Ok((Box::new(link.clone()), clock.clone()))
-        };
-        let object = ObjectAddress::new(index, subindex);
-        by_tool(&link.link, &clock).sdo_write(1, object, value).unwrap();
-        with_found(BASE, &mut open, &mut Nobody, |guide| {
-            link.object.set(Some(object));
-            // Without its mode and how it is synchronised there is no jog.
-            let begun = guide.operational().map(drop);
-            assert_eq!(begun.is_err(), [at_start::MODE, 0x1C32].contains(&index), "{object}: {begun:?}");
-            link.object.set(None);
-            assert!(guide.leave_as_found().is_empty());
-        });
-        assert_eq!(
-            by_tool(&link.link, &clock).sdo_read(1, object, SdoAccess::Entry).unwrap(),
-            value,
-            "{object}"
-        );
-    }
-}
-
 /// The program was killed in a jog: nothing is written into any drive by whoever takes it up again, for nobody knows who is who; all are
 /// to be switched off and on, and until that was seen, nothing goes on unless somebody says so.
 #[test]
@@ -442,6 +382,26 @@ fn who_is_limited_as_by_a_jog_is_told() {
         by_tool(&link, &clock).sdo_write(1, TORQUE, &600_u16.to_le_bytes()).unwrap();
         guide.compare().unwrap();
         assert!(guide.record.findings.is_empty(), "{:?}", guide.record.findings);
+    });
+}
+
+/// The limit that the robot itself tells its drives in each cycle stands in them behind each run.
+#[test]
+fn what_a_run_leaves_in_drives_is_not_told_as_a_jogs() {
+    let base = BASE.replacen("wheel_torque_nm = 21.0", "wheel_torque_nm = 3.0", 1);
+    let plan = robot_file::plan(&base, &Registry::with_built_in()).unwrap();
+    let drive = &plan.drives[1];
+    let limit = drive.scale.torque_limit_per_mille(drive.torque_limit.wheel_nm);
+    assert!(limit <= before::MOST_JOG_TORQUE_PER_MILLE, "{limit}");
+    let (link, clock) = drives_of(&base);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    by_tool(&link, &clock).sdo_write(1, TORQUE, &limit.to_le_bytes()).unwrap();
+    with_found(&base, &mut open, &mut Nobody, |guide| {
+        assert!(guide.record.findings.is_empty(), "{:?}", guide.record.findings);
+        by_tool(&link, &clock).sdo_write(1, TORQUE, &(limit - 1).to_le_bytes()).unwrap();
+        guide.compare().unwrap();
+        assert_eq!(guide.record.findings.len(), 1);
     });
 }
 

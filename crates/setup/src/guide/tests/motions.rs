@@ -123,6 +123,41 @@ fn a_wheel_is_stopped_by_its_own_supply_alone() {
     }
 }
 
+/// A drive that says itself why it lost its torque is stopped by that, though another one goes dark behind it.
+#[test]
+fn a_drive_that_says_how_it_was_stopped_is_heard_whoever_goes_dark_behind_it() {
+    let (link, clock, injector) = powered();
+    let mut key = |cycle| {
+        if cycle == 400 {
+            injector.inject(1, ApplicationFault::DriveFault(0x3220).into());
+        }
+        if cycle == 402 {
+            injector.inject(2, Fault::PowerOff);
+        }
+        Key::Beat
+    };
+    let mut says = |question: &Question| match question.id.as_str() {
+        "stopped 1" => {
+            let Question { text, .. } = question;
+            assert!(text.starts_with("wheel_2 lost its torque (") && text.contains("0x3220"), "{text}");
+            said("yes")
+        }
+        _ => {
+            injector.inject(2, Fault::PowerOn);
+            said("done")
+        }
+    };
+    let mut hand = Scripted::new(&mut says, &mut key);
+    with_wheels((&link, &clock), &mut hand, |guide| {
+        guide.record.drives[0].wheel = None;
+        guide.record.drives[2].wheel = None;
+        assert!(guide.stop_all().unwrap());
+        assert_eq!(guide.record.drives[1].is_stopped, Some(true), "{:?}", guide.record.findings);
+        // Who was dark isn't as it was before the motion, for nobody looked.
+        assert!(guide.written.is_empty() && guide.record.jogged.is_empty());
+    });
+}
+
 /// Who lets go, or never holds the key, has tried nothing: that is found where he goes on, and nothing else is.
 #[test]
 fn what_nobody_held_the_key_for_is_told_as_untried() {

@@ -91,6 +91,25 @@ fn what_was_passed_over_is_offered_again_without_the_jogs() {
     assert_eq!(after.passed_over.len(), 3);
 }
 
+/// Whoever leaves where he is asked has made nothing good.
+#[test]
+fn what_was_passed_over_is_until_somebody_answers() {
+    let (link, clock) = drives_of(BASE);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let mut record = over(&mut open);
+    record.pass_over(Step::Parameters, Some("wheel_2"), "wheel_2: not stored");
+    for (says, is_left) in [(None, true), (Some("leave them"), false)] {
+        let mut hand = Notes::new(|_| says);
+        with_record(BASE, Record::from_json(&record.to_json()).unwrap(), &mut open, &mut hand, |guide| {
+            guide.record.drives.retain(|drive| drive.position == 1);
+            assert_eq!(guide.parameters().unwrap(), !is_left);
+            assert_eq!(guide.record.passed_over_of(Step::Parameters).is_some(), is_left);
+        });
+        assert_eq!(hand.asked, ["parameters 1"]);
+    }
+}
+
 /// Said once of each wheel, and no more once it is done.
 #[test]
 fn what_was_passed_over_is_named_by_its_wheels_until_it_is_done() {

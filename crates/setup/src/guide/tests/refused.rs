@@ -1,0 +1,188 @@
+//! What drives don't take back, don't tell, or can't be asked for.
+
+use super::*;
+use crate::record::AliasWrite;
+
+const TORQUE: ObjectAddress = ObjectAddress::new(at_start::MAX_TORQUE, 0);
+const OFFSET: ObjectAddress = ObjectAddress::new(at_start::OFFSETS[0].0, 0);
+const SERVOS: &str = "[[subdevice]]\nkind = \"sgdv\"\ncount = 3\n";
+/// No drive has it, so none takes it back.
+const NOWHERE: (u16, u8, Vec<u8>) = (0x5FFF, 0, Vec::new());
+
+/// A drive that refuses one value each time: what somebody sets between two motions is its own all the same.
+#[test]
+fn what_is_set_in_a_drive_that_refuses_another_value_stays() {
+    let (link, clock) = drives_of(BASE);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let offset = |value: i32| by_tool(&link, &clock).sdo_write(2, OFFSET, &value.to_le_bytes()).unwrap();
+    let offset_now = || by_tool(&link, &clock).sdo_read(2, OFFSET, SdoAccess::Entry).unwrap();
+    offset(5000);
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        guide.written[2].drive.was.push(NOWHERE);
+        assert_eq!(guide.leave_as_found().len(), 1);
+        assert_eq!(offset_now(), 5000_i32.to_le_bytes());
+        offset(0);
+        by_tool(&link, &clock).sdo_write(2, TORQUE, &2500_u16.to_le_bytes()).unwrap();
+        for _ in 0..2 {
+            guide.operational().unwrap();
+            assert_eq!(guide.leave_as_found().len(), 1, "it refuses again");
+            let jogged: Vec<u16> = guide.record.jogged.iter().map(|one| one.position).collect();
+            assert_eq!((jogged, guide.written.len()), (vec![2], 1));
+            assert_eq!(offset_now(), 0_i32.to_le_bytes());
+        }
+        guide.written[0].drive.was.retain(|one| *one != NOWHERE);
+        assert!(guide.leave_as_found().is_empty());
+        assert_eq!(max_torques(&link, &clock), [3000, 3000, 2500]);
+    });
+}
+
+/// A drive that didn't take all back keeps the limit of a jog, too, by which it is known among those that look like it.
+#[test]
+fn drives_that_look_alike_are_known_by_their_limit_until_they_took_all_back() {
+    let (link, clock) = segment_of(SERVOS);
+    for (position, value) in [(0, 1100_u16), (1, 1200), (2, 1300)] {
+        by_tool(&link, &clock).sdo_write(position, TORQUE, &value.to_le_bytes()).unwrap();
+    }
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        guide.written[1].drive.was.push(NOWHERE);
+        for _ in 0..2 {
+            let refused = guide.leave_as_found();
+            assert_eq!(refused.len(), 1, "{refused:?}");
+            guide.tell_left(&refused);
+            let jogged: Vec<u16> = guide.record.jogged.iter().map(|one| one.position).collect();
+            assert_eq!((jogged, guide.record.findings.len()), (vec![1], 1));
+            assert_eq!(max_torques(&link, &clock), [1100, 0, 1300]);
+            guide.operational().unwrap();
+        }
+    });
+}
+
+/// A drive that doesn't answer for a while when it is looked at again takes nothing away that it was found with.
+#[test]
+fn what_is_not_read_again_takes_no_finding_away() {
+    // None from the first: so many frames has a look.
+    let (mut frames, mut place, mut broken_off) = (0, None, 0);
+    while place.is_none_or(|place| place < frames) {
+        let (link, clock) = drives_of(BASE);
+        by_tool(&link, &clock).sdo_write(1, OFFSET, &5000_i32.to_le_bytes()).unwrap();
+        by_tool(&link, &clock).sdo_write(1, TORQUE, &100_u16.to_le_bytes()).unwrap();
+        let link = Interrupted { link, sent: Rc::default(), lost: Rc::default() };
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            Ok((Box::new(link.clone()), clock.clone()))
+        };
+        with_found(BASE, &mut open, &mut Nobody, |guide| {
+            let found = guide.record.findings.clone();
+            assert_eq!(found.len(), 2, "{found:?}");
+            let begun = link.sent.get();
+            if let Some(place) = place {
+                link.lost.set([begun + place, begun + place + 700]);
+            }
+            broken_off += u32::from(guide.compare().is_err());
+            if place.is_none() {
+                frames = link.sent.get() - begun;
+            }
+            assert_eq!(guide.record.findings, found, "{place:?} of {frames}");
+        });
+        place = Some(place.map_or(0, |place| place + 9));
+    }
+    assert!(broken_off > 20, "{broken_off}");
+}
+
+/// A drive that is busy when it is asked for one object.
+#[derive(Clone)]
+struct Busy {
+    link: Powered,
+    object: Rc<std::cell::Cell<Option<ObjectAddress>>>,
+}
+
+impl Link for Busy {
+    fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {
+        self.link.send(frame)
+    }
+
+    fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
+        let length = self.link.receive(buffer, deadline)?;
+        let (Some(length), Some(object)) = (length, self.object.get()) else { return Ok(length) };
+        // An SDO response, an expedited upload's, and its object.
+        let [low, high] = object.index.to_le_bytes();
+        let is_answer = |bytes: &[u8]| {
+            bytes[..2] == [0, 0x30] && bytes[2] & 0xF3 == 0x43 && bytes[3..6] == [low, high, object.subindex]
+        };
+        if let Some(at) = buffer[..length].windows(10).position(is_answer) {
+            buffer[at + 2] = 0x80;
+            buffer[at + 6..at + 10].copy_from_slice(&0x0800_0021_u32.to_le_bytes());
+        }
+        Ok(Some(length))
+    }
+}
+
+/// What a busy drive doesn't tell before a motion isn't written by it: nobody could put it back.
+#[test]
+fn what_a_busy_drive_does_not_tell_is_not_written() {
+    for (index, subindex, value) in [
+        (at_start::MODE, 0, &[1_u8][..]),
+        (0x60B1, 0, &[7, 0, 0, 0]),
+        (0x60B2, 0, &[9, 0]),
+        (0x1C32, 1, &[1, 0]),
+    ] {
+        let (link, clock) = drives_of(BASE);
+        let link = Busy { link, object: Rc::default() };
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            Ok((Box::new(link.clone()), clock.clone()))
+        };
+        let object = ObjectAddress::new(index, subindex);
+        by_tool(&link.link, &clock).sdo_write(1, object, value).unwrap();
+        with_found(BASE, &mut open, &mut Nobody, |guide| {
+            link.object.set(Some(object));
+            // Without its mode and how it is synchronised there is no jog.
+            let begun = guide.operational().map(drop);
+            assert_eq!(begun.is_err(), [at_start::MODE, 0x1C32].contains(&index), "{object}: {begun:?}");
+            link.object.set(None);
+            assert!(guide.leave_as_found().is_empty());
+        });
+        assert_eq!(
+            by_tool(&link.link, &clock).sdo_read(1, object, SdoAccess::Entry).unwrap(),
+            value,
+            "{object}"
+        );
+    }
+}
+
+/// Half of an EEPROM keeps all drives from PRE-OP: who goes on without a power-off comes to where it is made whole, and nobody who is
+/// there is called gone.
+#[test]
+fn a_jog_that_was_cut_off_is_no_end_where_an_eeprom_is_half_written() {
+    let (link, clock) = segment_of(SERVOS);
+    let mut record = Record::default();
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    with_found(BASE, &mut open, &mut Nobody, |guide| record.jogged = vec![guide.record.drives[2].clone()]);
+    let broken = Interrupted { link: link.clone(), sent: Rc::default(), lost: Rc::default() };
+    let mut bus = Bus::new(broken.clone(), clock.clone(), BusOptions::default());
+    bus.scan().unwrap();
+    let before = bus.read_sii(1).unwrap();
+    let after = bus.sii_with_alias(1, 7).unwrap().unwrap();
+    broken.lost.set([broken.sent.get() + 20, u32::MAX]);
+    bus.write_sii(1, &before, &after).unwrap_err();
+    drop(bus);
+    let begins = before[..omnibase_ethercat::wire::sii::HEADER].to_vec();
+    record.writing = Some(AliasWrite { position: 1, alias: 7, begins });
+    let mut hand = Notes::new(|id| match id {
+        "jogged" => Some("go on"),
+        "finish 1" => Some("as before"),
+        _ => None,
+    });
+    with_record(BASE, record, &mut open, &mut hand, |guide| {
+        assert_eq!(guide.run().unwrap(), Ended::Left(None));
+        assert_eq!((guide.record.jogged.len(), guide.record.writing.is_some()), (0, false));
+    });
+    assert_eq!(hand.asked[..2], ["jogged", "finish 1"], "{:?}", hand.asked);
+    assert!(!hand.asked.contains(&"gone for good".to_owned()));
+    let mut bus = by_tool(&link, &clock);
+    assert_eq!(bus.read_sii(1).unwrap(), before);
+}
