@@ -79,10 +79,10 @@ impl<C: Clock> Guide<'_, C> {
             let words = match now.map(|now| is_it(known, &now)) {
                 None => vec!["nobody is in its place".to_owned()],
                 Some(false) => vec!["another one is in its place".to_owned()],
-                Some(true) if self.is_doubtful(&before) => match self.is_limited(bus, drive) {
+                Some(true) if self.is_doubtful(&before) => match self.max_torque(bus, drive) {
                     // It lost its supply, or was set by somebody.
-                    false => Vec::new(),
-                    true => {
+                    Some(now) if !is_limit(&now) => Vec::new(),
+                    _ => {
                         vec![
                             "one that looks like it held something else, and may be in its place by now"
                                 .to_owned(),
@@ -170,10 +170,9 @@ impl<C: Clock> Guide<'_, C> {
         }
     }
 
-    /// Whether a drive holds a max torque as a jog may leave it, or one that can't be read.
-    fn is_limited(&self, bus: &mut AnyBus<C>, drive: &FoundDrive) -> bool {
-        let now = bus.sdo_read(drive.position, ObjectAddress::new(MAX_TORQUE, 0), SdoAccess::Entry);
-        now.map_or(true, |now| is_limit(&now) && !self.is_wished(drive, &now))
+    /// What a drive has as its max torque.
+    fn max_torque(&self, bus: &mut AnyBus<C>, drive: &FoundDrive) -> Option<Vec<u8>> {
+        bus.sdo_read(drive.position, ObjectAddress::new(MAX_TORQUE, 0), SdoAccess::Entry).ok()
     }
 
     /// Whether the file gives the drive's wheel this max torque, or, before it was seen which that is, any wheel of such a product.
@@ -393,7 +392,8 @@ impl<C: Clock> Guide<'_, C> {
         if self.record.jogged.iter().any(|one| is_same(one, drive)) {
             return Some("it holds what a jog wrote: switch it off and on, then store".to_owned());
         }
-        self.is_limited(bus, drive).then(|| {
+        let is_own = |now: &Vec<u8>| !is_limit(now) || self.is_wished(drive, now);
+        (!self.max_torque(bus, drive).as_ref().is_some_and(is_own)).then(|| {
             "its max torque (6072) is as a jog may leave it: set it by the maker's tool, then store"
                 .to_owned()
         })
