@@ -204,7 +204,7 @@ struct Moment {
 /// Expected is what its file says; amounts are found with the tolerances as what is known of them beforehand, so that what no run
 /// shows stays as it is.
 pub fn solve(dataset: &Dataset, expected: &Build, tolerances: &Tolerances) -> Result<Solution, SolveError> {
-    let problem = Problem::new(dataset, expected, tolerances)?;
+    let problem = LeastSquares::new(dataset, expected, tolerances)?;
     let mut state = problem.start()?;
     let mut steps = 0;
     for _ in 0..FLOORS {
@@ -216,7 +216,7 @@ pub fn solve(dataset: &Dataset, expected: &Build, tolerances: &Tolerances) -> Re
     problem.solution(&state, &moment.linear, steps)
 }
 
-struct Problem<'a> {
+struct LeastSquares<'a> {
     expected: &'a Build,
     tolerances: &'a Tolerances,
     unknowns: Vec<Unknown>,
@@ -224,12 +224,12 @@ struct Problem<'a> {
     runs: Vec<Prepared<'a>>,
 }
 
-impl<'a> Problem<'a> {
+impl<'a> LeastSquares<'a> {
     fn new(
         dataset: &'a Dataset,
         expected: &'a Build,
         tolerances: &'a Tolerances,
-    ) -> Result<Problem<'a>, SolveError> {
+    ) -> Result<LeastSquares<'a>, SolveError> {
         let kinematics = Kinematics::new(expected.wheels.clone())?;
         dataset.check(expected.wheels.len())?;
         let unknowns = Asked {
@@ -253,7 +253,7 @@ impl<'a> Problem<'a> {
             knots: Knots::of(run, expected.sensor.delay_s),
             bias: unknowns.iter().position(|unknown| *unknown == Unknown::GyroBias(number)),
         });
-        Ok(Problem { expected, tolerances, sigmas, runs: prepared.collect(), unknowns })
+        Ok(LeastSquares { expected, tolerances, sigmas, runs: prepared.collect(), unknowns })
     }
 
     fn start(&self) -> Result<State, SolveError> {

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use crate::dictionary::{OdObject, usual_bits};
 use crate::doubt::Doubt;
 use crate::model::{Device, InitCommand, Module, Pdo, PdoEntry, SlotIndex, Slots, SmUse};
-use crate::notes::Problem;
+use crate::notes::FileNote;
 
 /// Transitions whose commands are sent in PRE-OP, and those whose commands are sent in SAFE-OP.
 const SENT: [&[&str]; 2] = [&["IP", "PS"], &["SO"]];
@@ -334,7 +334,7 @@ impl<'a> Assembly<'a> {
     }
 
     /// What of the device and its modules can't be read or contradicts itself.
-    pub fn problems(&self) -> impl Iterator<Item = &Problem> {
+    pub fn problems(&self) -> impl Iterator<Item = &FileNote> {
         let of_modules = self.modules.iter().flat_map(|module| &module.problems);
         self.device.problems.iter().chain(of_modules)
     }

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use crate::notes::Problem;
+use crate::notes::FileNote;
 
 /// What somebody should look at before the device is used as its file says.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -63,7 +63,7 @@ pub enum Doubt {
         index: u16,
     },
     /// Something of the device or a module can't be read or contradicts itself.
-    Unread(Problem),
+    Unread(FileNote),
     /// An entry of a PDO has more or fewer bits than its type.
     OtherType {
         /// Line of the PDO.

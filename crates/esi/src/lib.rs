@@ -32,4 +32,4 @@ pub use doubt::Doubt;
 pub use file::{EsiError, EsiFile, NODE_LIMIT, SIZE_LIMIT};
 pub use model::{Device, Module};
 pub use names::Names;
-pub use notes::{Notes, Problem, Unread, Why};
+pub use notes::{FileNote, Notes, Unread, Why};

@@ -3,7 +3,7 @@
 use omnibase_ethercat_wire::coe::ObjectAddress;
 
 use crate::names::Names;
-use crate::notes::Problem;
+use crate::notes::FileNote;
 
 pub use crate::dictionary::{ObjectRights, OdEntry, OdObject, OdShape};
 
@@ -72,7 +72,7 @@ pub struct Device {
     /// EEPROM.
     pub eeprom: Option<Eeprom>,
     /// What of it can't be read or contradicts itself.
-    pub problems: Vec<Problem>,
+    pub problems: Vec<FileNote>,
 }
 
 /// Times, ms; `None` where the file gives none.
@@ -364,7 +364,7 @@ pub struct Module {
     /// Its part of the dictionary.
     pub dictionary: Vec<OdObject>,
     /// What of it can't be read or contradicts itself.
-    pub problems: Vec<Problem>,
+    pub problems: Vec<FileNote>,
 }
 
 /// What stands in a slot that stays empty.

@@ -34,7 +34,7 @@ pub struct Unread {
 
 /// Something wrong in a file that could be read all the same.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Problem {
+pub struct FileNote {
     /// Names from the document's root on.
     pub path: String,
     /// Line, from 1.
@@ -43,7 +43,7 @@ pub struct Problem {
     pub text: String,
 }
 
-impl std::fmt::Display for Problem {
+impl std::fmt::Display for FileNote {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         write!(f, "line {}: {}: {}", self.line, self.path, self.text)
     }
@@ -54,7 +54,7 @@ impl std::fmt::Display for Problem {
 pub struct Notes {
     unread: BTreeMap<(Why, String), (u32, u32)>,
     /// What is wrong, in the order of reading.
-    pub problems: Vec<Problem>,
+    pub problems: Vec<FileNote>,
     /// Paths and problems beyond those that are kept.
     pub beyond: u32,
     /// Problems, kept or not.
@@ -85,12 +85,12 @@ impl Notes {
     }
 
     /// Problems in `element` that were told since [`Notes::told`] gave `before`; those of which no note was kept are counted.
-    pub(crate) fn since(&self, before: u32, element: Element) -> Vec<Problem> {
-        let mut problems: Vec<Problem> = self.problems.iter().skip(before as usize).cloned().collect();
+    pub(crate) fn since(&self, before: u32, element: Element) -> Vec<FileNote> {
+        let mut problems: Vec<FileNote> = self.problems.iter().skip(before as usize).cloned().collect();
         let beyond = (self.told - before) as usize - problems.len();
         if beyond > 0 {
             let text = format!("{beyond} problems of which there was no room to keep a note");
-            problems.push(Problem { path: element.path(), line: element.line(), text });
+            problems.push(FileNote { path: element.path(), line: element.line(), text });
         }
         problems
     }
@@ -100,7 +100,7 @@ impl Notes {
         self.told
     }
 
-    pub(crate) fn problem(&mut self, make: impl FnOnce() -> Problem) {
+    pub(crate) fn problem(&mut self, make: impl FnOnce() -> FileNote) {
         self.told = self.told.saturating_add(1);
         if self.problems.len() < PROBLEM_LIMIT {
             self.problems.push(make());

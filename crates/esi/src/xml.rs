@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use roxmltree::{Attribute, Document, Node};
 
-use crate::notes::{Notes, Problem, Why};
+use crate::notes::{FileNote, Notes, Why};
 
 /// Elements and attributes that the standard knows and nothing here needs, wherever they stand.
 const UNUSED: [&str; 55] = [
@@ -321,7 +321,7 @@ impl<'a, 'input> Element<'a, 'input> {
 
     /// Notes something wrong with it.
     pub fn problem(self, text: impl Into<String>, notes: &mut Notes) {
-        notes.problem(|| Problem { path: self.path(), line: self.line(), text: text.into() });
+        notes.problem(|| FileNote { path: self.path(), line: self.line(), text: text.into() });
     }
 
     /// Its text as a number within `limits`; what is none is noted.

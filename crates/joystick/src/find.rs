@@ -7,7 +7,7 @@ use omnibase_robot::config::JoystickTable;
 
 use crate::description::Description;
 use crate::device::{Device, EvdevDevice};
-use crate::map::{Map, MapProblem};
+use crate::map::{JoystickMapError, Map};
 
 /// Where the kernel shows its input devices.
 pub const FOLDER: &str = "/dev/input";
@@ -75,7 +75,7 @@ pub enum OpenError {
         /// Which.
         path: PathBuf,
         /// Why not.
-        problems: Vec<MapProblem>,
+        problems: Vec<JoystickMapError>,
     },
 }
 
@@ -87,7 +87,7 @@ fn hint(error: &io::Error) -> &'static str {
     }
 }
 
-fn lines(problems: &[MapProblem]) -> String {
+fn lines(problems: &[JoystickMapError]) -> String {
     problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n  ")
 }
 

@@ -31,7 +31,7 @@ pub use device::{Device, EvdevDevice};
 pub use event::RawEvent;
 pub use find::{Finder, Installed};
 pub use joystick::{Block, Hold, Joystick, JoystickCommand, JoystickFrame, Presence, Requests};
-pub use map::{Map, MapProblem};
+pub use map::{JoystickMapError, Map};
 pub use port::Port;
 pub use recording::{Recorded, Recorder};
 pub use shaping::Shaping;

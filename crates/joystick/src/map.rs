@@ -73,7 +73,7 @@ pub struct Map {
 
 /// Why a map doesn't fit a device.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
-pub enum MapProblem {
+pub enum JoystickMapError {
     /// Nobody knows the device.
     #[error(
         "no ready map belongs to {name} ({vendor_id:04x}:{product_id:04x}): choose one by `map` in [joystick], or \
@@ -139,10 +139,10 @@ pub enum MapProblem {
 
 impl Map {
     /// The map of a device: the one that the file names, else the device's own, with the file's changes.
-    pub fn of(table: &JoystickTable, device: &Description) -> Result<Map, Vec<MapProblem>> {
+    pub fn of(table: &JoystickTable, device: &Description) -> Result<Map, Vec<JoystickMapError>> {
         let Some(ready) = table.map.or_else(|| map_for(device.vendor_id, device.product_id)) else {
             let Description { name, vendor_id, product_id, .. } = device.clone();
-            return Err(vec![MapProblem::Unknown { name, vendor_id, product_id }]);
+            return Err(vec![JoystickMapError::Unknown { name, vendor_id, product_id }]);
         };
         let merged = table.over(ready);
         let mut problems = Vec::new();
@@ -158,17 +158,17 @@ impl Map {
         let dead_man = match merged.dead_man {
             Some(DeadManRule::NotRequired) => None,
             Some(DeadManRule::Required) | None => {
-                let missing = MapProblem::Missing { what: "buttons.dead_man" };
+                let missing = JoystickMapError::Missing { what: "buttons.dead_man" };
                 problems.extend(merged.buttons.dead_man.is_none().then_some(missing));
                 merged.buttons.dead_man
             }
         };
         let Some(enable) = merged.buttons.enable else {
-            problems.push(MapProblem::Missing { what: "buttons.enable" });
+            problems.push(JoystickMapError::Missing { what: "buttons.enable" });
             return Err(problems);
         };
         if axes.iter().all(Option::is_none) && problems.is_empty() {
-            problems.push(MapProblem::Missing { what: "forward.axis" });
+            problems.push(JoystickMapError::Missing { what: "forward.axis" });
         }
         if !problems.is_empty() {
             return Err(problems);
@@ -246,7 +246,7 @@ impl Map {
 }
 
 /// Whether the device has all that is named, each for one task.
-fn fits(table: &JoystickTable, device: &Description, problems: &mut Vec<MapProblem>) {
+fn fits(table: &JoystickTable, device: &Description, problems: &mut Vec<JoystickMapError>) {
     let list = |names: Vec<String>| if names.is_empty() { "none".into() } else { names.join(", ") };
     let mut axes: Vec<(AxisCode, &'static str)> = Vec::new();
     for (what, axis) in table.named_axes() {
@@ -254,9 +254,9 @@ fn fits(table: &JoystickTable, device: &Description, problems: &mut Vec<MapProbl
         let name = axis.name().into_owned();
         if !device.axes.contains_key(&axis.0) {
             let has = list(device.axes.keys().map(|code| AxisCode(*code).name().into_owned()).collect());
-            problems.push(MapProblem::NoAxis { what, axis: name, has });
+            problems.push(JoystickMapError::NoAxis { what, axis: name, has });
         } else if let Some((_, first)) = axes.iter().find(|(other, _)| *other == axis) {
-            problems.push(MapProblem::Twice { name, first, second: what });
+            problems.push(JoystickMapError::Twice { name, first, second: what });
         }
         axes.push((axis, what));
     }
@@ -268,9 +268,9 @@ fn fits(table: &JoystickTable, device: &Description, problems: &mut Vec<MapProbl
         let name = button.name().into_owned();
         if !device.buttons.contains(&button.0) {
             let has = list(device.buttons.iter().map(|code| ButtonCode(*code).name().into_owned()).collect());
-            problems.push(MapProblem::NoButton { what, button: name, has });
+            problems.push(JoystickMapError::NoButton { what, button: name, has });
         } else if let Some((_, first)) = buttons.iter().find(|(other, _)| *other == button) {
-            problems.push(MapProblem::Twice { name, first, second: what });
+            problems.push(JoystickMapError::Twice { name, first, second: what });
         }
         buttons.push((button, what));
     }
@@ -280,7 +280,7 @@ fn axis(
     what: &'static str,
     table: &JoystickAxisTable,
     device: &Description,
-    problems: &mut Vec<MapProblem>,
+    problems: &mut Vec<JoystickMapError>,
 ) -> Option<AxisMap> {
     let axis = table.axis?;
     let range = *device.axes.get(&axis.0)?;
@@ -307,10 +307,15 @@ fn axis(
 }
 
 /// Tables that are made in code haven't been through the file's own checks.
-fn within(what: impl fmt::Display, value: f64, [least, greatest]: [f64; 2], problems: &mut Vec<MapProblem>) {
+fn within(
+    what: impl fmt::Display,
+    value: f64,
+    [least, greatest]: [f64; 2],
+    problems: &mut Vec<JoystickMapError>,
+) {
     if !(least..=greatest).contains(&value) {
         let (what, value) = (what.to_string(), value.to_string());
-        problems.push(MapProblem::OutOfRange { what, value, least, greatest });
+        problems.push(JoystickMapError::OutOfRange { what, value, least, greatest });
     }
 }
 

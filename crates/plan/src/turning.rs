@@ -47,7 +47,7 @@ pub(crate) const MOST_TURNING_CELLS: usize = MOST_STATES / HEADINGS[0];
 
 /// A place of a way, and its heading where it counts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Place {
+pub struct CellPose {
     /// In cells.
     pub x: f64,
     /// In cells.
@@ -246,7 +246,7 @@ impl<'a, 'c> Turning<'a, 'c> {
     }
 
     /// The places of a way between two poses in cells, looked for from the last one where that is asked for; `None` where there is none.
-    pub(crate) fn passed(&mut self, from: &Pose2, to: &Pose2, is_back: bool) -> Option<Vec<Place>> {
+    pub(crate) fn passed(&mut self, from: &Pose2, to: &Pose2, is_back: bool) -> Option<Vec<CellPose>> {
         if is_back {
             return self.way_back(from, to);
         }
@@ -273,7 +273,7 @@ impl<'a, 'c> Turning<'a, 'c> {
 
     /// The places of ways between two poses in cells: the shortest as it is looked for from the first one and from the last one, which
     /// are off by other roundings; none where there is none.
-    pub(crate) fn shortest(&mut self, from: &Pose2, to: &Pose2) -> Vec<Vec<Place>> {
+    pub(crate) fn shortest(&mut self, from: &Pose2, to: &Pose2) -> Vec<Vec<CellPose>> {
         let outer = self.outer;
         let regions = self.regions(|cell| outer.is_open(cell));
         // Doors that are hardly wide enough are looked for on the way back, and where there is no other way.
@@ -295,7 +295,7 @@ impl<'a, 'c> Turning<'a, 'c> {
     }
 
     /// The places of the shortest way as it is looked for from the last pose, everywhere.
-    fn way_back(&mut self, from: &Pose2, to: &Pose2) -> Option<Vec<Place>> {
+    fn way_back(&mut self, from: &Pose2, to: &Pose2) -> Option<Vec<CellPose>> {
         self.look_everywhere();
         let (begins, ends) = (self.around(to), self.around(from));
         let mut way = self.way(&begins, &ends)?;
@@ -311,7 +311,7 @@ impl<'a, 'c> Turning<'a, 'c> {
     }
 
     /// The places of the shortest way from any of the first states to any of the last ones.
-    fn way(&mut self, begins: &[State], ends: &[State]) -> Option<Vec<Place>> {
+    fn way(&mut self, begins: &[State], ends: &[State]) -> Option<Vec<CellPose>> {
         let goal = ends.first()?.0;
         let left = self.ways_to(goal);
         let slack = 4.0;
@@ -400,16 +400,16 @@ impl<'a, 'c> Turning<'a, 'c> {
         self.turn_cost * std::f32::consts::TAU / self.headings as f32
     }
 
-    fn places(&self, end: usize, parent: &[u32]) -> Vec<Place> {
+    fn places(&self, end: usize, parent: &[u32]) -> Vec<CellPose> {
         let before = |state: &usize| Some(parent[*state]).filter(|before| *before != NOBODY);
         let states = std::iter::successors(Some(end), |state| before(state).map(|before| before as usize));
         let place = |state: usize| {
             let (cell, heading) = (state / self.headings, state % self.headings);
             let pose = self.pose(cell, heading);
             let heading_rad = (!self.outer.is_open(cell)).then_some(pose.heading_rad);
-            Place { x: pose.x_m, y: pose.y_m, heading_rad }
+            CellPose { x: pose.x_m, y: pose.y_m, heading_rad }
         };
-        let mut places: Vec<Place> = states.map(place).collect();
+        let mut places: Vec<CellPose> = states.map(place).collect();
         places.reverse();
         places
     }

@@ -103,20 +103,20 @@ impl LastFrames {
 }
 
 /// A datagram as it comes again every cycle: place in the frame, command, address, length.
-type Place = (usize, u8, u32, usize);
+type DatagramKey = (usize, u8, u32, usize);
 
 /// A frame that was sent, by its first datagram.
 struct Sent {
     unix_ns: u64,
     index: u8,
-    place: Place,
+    place: DatagramKey,
 }
 
 struct Keeper {
     keep: KeepFrames,
     told: Arc<AtomicBool>,
     frames: VecDeque<Entry>,
-    counters: HashMap<Place, u16>,
+    counters: HashMap<DatagramKey, u16>,
     /// Frames that were sent and not answered.
     awaited: VecDeque<Sent>,
     /// The MainDevice acknowledges errors with the state that it asks for: who has none may repeat that in its AL status.

@@ -90,14 +90,14 @@ pub struct Slope {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Patch {
     /// Where it is.
-    pub place: Place,
+    pub place: Region,
     /// What it is like.
     pub surface: Surface,
 }
 
 /// A part of the floor, in the fixed frame.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Place {
+pub enum Region {
     /// Along the axes.
     Rectangle {
         /// Least x and y.
@@ -123,15 +123,15 @@ pub struct Surface {
     pub sliding_friction: f64,
 }
 
-impl Place {
+impl Region {
     /// Whether a point lies in it, its edge included.
     pub fn holds(&self, point_m: [f64; 2]) -> bool {
         let [x, y] = point_m;
         match self {
-            Place::Rectangle { from_m, to_m } => {
+            Region::Rectangle { from_m, to_m } => {
                 (from_m[0]..=to_m[0]).contains(&x) && (from_m[1]..=to_m[1]).contains(&y)
             }
-            Place::Disc { centre_m, radius_m } => {
+            Region::Disc { centre_m, radius_m } => {
                 let (dx, dy) = (x - centre_m[0], y - centre_m[1]);
                 dx * dx + dy * dy <= radius_m * radius_m
             }

@@ -37,7 +37,7 @@ pub mod wheel;
 pub mod wiring;
 
 pub use body::{Body, BodyError, BodyParameters, Payload};
-pub use floor::{Contact, Floor, Patch, Place, Slope, Surface};
+pub use floor::{Contact, Floor, Patch, Region, Slope, Surface};
 pub use machine::{Machine, MachineError, MachineParameters, Truth, WheelDrive};
 pub use mechanics::{Mechanics, Motion};
 pub use motor::{Motor, MotorParameters, Waves};

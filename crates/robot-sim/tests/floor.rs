@@ -4,7 +4,7 @@ use omnibase_robot_sim::floor::GRAVITY_M_S2;
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
     Body, BodyError, BodyParameters, Contact, Floor, Machine, MachineParameters, MotorParameters, Patch,
-    Payload, Place, Pose, Slope, Surface, Twist, Waves, WheelDrive, WheelParameters, Wrench,
+    Payload, Pose, Region, Slope, Surface, Twist, Waves, WheelDrive, WheelParameters, Wrench,
 };
 
 const STEP_S: f64 = 125e-6;
@@ -124,9 +124,9 @@ fn a_patch_counts_for_the_wheels_that_are_on_it() {
     let low = BodyParameters { center_of_mass_height_m: 0.0, ..parameters() };
     for (place, friction) in [
         // Under no wheel, under the two in front, under all of them.
-        (Place::Disc { centre_m: [1.0, 0.0], radius_m: 0.7 }, 0.5),
-        (Place::Rectangle { from_m: [0.2, -1.0], to_m: [2.0, 1.0] }, 0.3),
-        (Place::Disc { centre_m: [0.0, 0.0], radius_m: 5.0 }, 0.1),
+        (Region::Disc { centre_m: [1.0, 0.0], radius_m: 0.7 }, 0.5),
+        (Region::Rectangle { from_m: [0.2, -1.0], to_m: [2.0, 1.0] }, 0.3),
+        (Region::Disc { centre_m: [0.0, 0.0], radius_m: 5.0 }, 0.1),
     ] {
         let mut wheels = wheels(contact);
         wheels.iter_mut().for_each(|wheel| wheel.bearing_coulomb_n_m = 1e6);
@@ -144,7 +144,7 @@ fn a_patch_counts_for_the_wheels_that_are_on_it() {
 fn a_gap_gives_its_wheel_no_hold() {
     let mut body = Body::new(parameters(), &wheels(Contact::ideal(0.5))).expect("a sound machine");
     let gap = Surface { static_friction: 0.0, sliding_friction: 0.0 };
-    let patches = vec![Patch { place: Place::Disc { centre_m: [0.3, 0.2], radius_m: 0.05 }, surface: gap }];
+    let patches = vec![Patch { place: Region::Disc { centre_m: [0.3, 0.2], radius_m: 0.05 }, surface: gap }];
     body.set_floor(Floor { patches, ..Floor::default() }).expect("it stands");
     run(&mut body, &[1.0, 0.0, 0.0, 0.0], 0.1);
     let wheel = body.wheels()[0];

@@ -57,7 +57,7 @@ pub use grip_tables::*;
 pub use guard_tables::*;
 pub use joystick::*;
 pub use map_tables::*;
-pub use mapping::{MapEntry, MapError, PdoPlan, parse_map, parse_object};
+pub use mapping::{MapEntry, PdoMapError, PdoPlan, parse_map, parse_object};
 pub(crate) use mapping::{find as find_object, has_padding, is_mapped, length_with_padding};
 pub use plan::*;
 pub use problem::{Location, Problem, ProblemKind};

@@ -371,7 +371,7 @@ impl Robot {
             is_ramp_blind: self.lifecycle.is_blind(),
             measurements: &record.measurements,
             signals: &record.signals,
-            failed_device: self.peripherals.standing(record.exchange).1,
+            failed_device: self.peripherals.readiness(record.exchange).1,
             state: &record.state,
             wished: &record.wished,
             setpoint: &record.setpoint,
@@ -408,7 +408,7 @@ impl Robot {
             allowed: &record.allowed,
             setpoint_rests: self.limiter.is_at_rest()
                 && !(self.lifecycle.is_blind() && record.commands.is_moving()),
-            peripherals: self.peripherals.standing(record.exchange).0,
+            peripherals: self.peripherals.readiness(record.exchange).0,
             is_finished: is_followed
                 && (record.setpoint.status == ReferenceStatus::Finished || is_paused && is_there),
             is_held_off,

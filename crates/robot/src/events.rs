@@ -1,11 +1,11 @@
 //! What can happen to the simulated robot by time: one kind each.
 
 use crate::config::{EventTable, Happening, Problem, ProblemKind, PushFrame, SLIDING_SHARE, nearest};
-use crate::registry::{Course, Kind, Made, Registry, given, needed, optional};
+use crate::registry::{Effect, Kind, Made, Registry, given, needed, optional};
 
 /// Adds the built-in kinds.
 pub(crate) fn register(registry: &mut Registry) {
-    let mut add = |name, meaning, keys, make: fn(&EventTable, &[&str]) -> Made<Course>| {
+    let mut add = |name, meaning, keys, make: fn(&EventTable, &[&str]) -> Made<Effect>| {
         registry.events.add(Kind { name, meaning, keys }, make);
     };
     let push = vec![optional("force_n"), optional("moment_nm"), optional("frame"), needed("duration_s")];
@@ -19,7 +19,7 @@ pub(crate) fn register(registry: &mut Registry) {
             frame: table.frame.unwrap_or(PushFrame::Odom),
         };
         let begin = push(table.force_n.unwrap_or_default(), table.moment_nm.unwrap_or_default());
-        Ok(Course { begin, end: Some(push([0.0; 2], 0.0)) })
+        Ok(Effect { begin, end: Some(push([0.0; 2], 0.0)) })
     });
     let payload = ["inertia_kg_m2", "position_m", "height_m", "duration_s"].map(optional);
     let payload = [vec![needed("mass_kg")], payload.to_vec()].concat();
@@ -30,7 +30,7 @@ pub(crate) fn register(registry: &mut Registry) {
             position_m: table.position_m.unwrap_or_default(),
             height_m: table.height_m,
         };
-        Ok(Course { begin, end: Some(Happening::PayloadOfFile) })
+        Ok(Effect { begin, end: Some(Happening::PayloadOfFile) })
     });
     let floor = vec![needed("static_friction"), optional("sliding_friction"), optional("duration_s")];
     add("floor", "Another friction of the whole floor", floor, |table, _| {
@@ -43,7 +43,7 @@ pub(crate) fn register(registry: &mut Registry) {
             return Err(Problem { value: Some(sliding_friction.to_string()), limit, ..problem }.into());
         }
         let begin = Happening::Floor { static_friction, sliding_friction };
-        Ok(Course { begin, end: Some(Happening::FloorOfFile) })
+        Ok(Effect { begin, end: Some(Happening::FloorOfFile) })
     });
     let weak = vec![needed("drive"), needed("torque_ratio"), optional("duration_s")];
     add(
@@ -53,7 +53,7 @@ pub(crate) fn register(registry: &mut Registry) {
         |table, drives| {
             let wheel = wheel(table, drives)?;
             let begin = Happening::TorqueRatio { wheel, ratio: given(table.torque_ratio, "torque_ratio")? };
-            Ok(Course { begin, end: Some(Happening::TorqueRatioOfFile { wheel }) })
+            Ok(Effect { begin, end: Some(Happening::TorqueRatioOfFile { wheel }) })
         },
     );
     let fault = vec![needed("drive"), needed("error_code")];
@@ -61,21 +61,21 @@ pub(crate) fn register(registry: &mut Registry) {
         let error_code = given(table.error_code, "error_code")?;
         let error_code =
             u16::try_from(error_code).map_err(|_| Problem::refused("error_code", "it has 16 bits"))?;
-        Ok(Course { begin: Happening::DriveFault { wheel: wheel(table, drives)?, error_code }, end: None })
+        Ok(Effect { begin: Happening::DriveFault { wheel: wheel(table, drives)?, error_code }, end: None })
     });
     let of_drive = || vec![needed("drive"), optional("duration_s")];
     add("sto", "A drive whose safety input takes its torque away (STO)", of_drive(), |table, drives| {
         let wheel = wheel(table, drives)?;
         let sto = |is_off| Happening::SafeTorqueOff { wheel, is_off };
-        Ok(Course { begin: sto(true), end: Some(sto(false)) })
+        Ok(Effect { begin: sto(true), end: Some(sto(false)) })
     });
     add("lose_power", "A drive that loses its supply", of_drive(), |table, drives| {
         let wheel = wheel(table, drives)?;
         let supply = |is_on| Happening::Supply { wheel, is_on };
-        Ok(Course { begin: supply(false), end: Some(supply(true)) })
+        Ok(Effect { begin: supply(false), end: Some(supply(true)) })
     });
     add("return_power", "A drive that has its supply again", vec![needed("drive")], |table, drives| {
-        Ok(Course { begin: Happening::Supply { wheel: wheel(table, drives)?, is_on: true }, end: None })
+        Ok(Effect { begin: Happening::Supply { wheel: wheel(table, drives)?, is_on: true }, end: None })
     });
 }
 

@@ -32,7 +32,7 @@ use braking::{Braking, Sweep};
 use draft::Draft;
 pub use draft::check_fence;
 use fence::Fence;
-use outline::{Body, Outline, Place};
+use outline::{Body, BodyPose, Outline};
 use retreat::Retreat;
 pub use shape::MAX_FENCE_CORNERS;
 use shape::{Patch, length, plus};
@@ -77,7 +77,7 @@ pub(crate) struct Followed {
 #[derive(Clone, Copy, Debug)]
 struct Now {
     /// Where the body is.
-    place: Place,
+    place: BodyPose,
     /// The greatest speed of the stop from here, m/s.
     fastest_m_s: f64,
     /// How far the platform isn't where it shall be, m.
@@ -369,7 +369,7 @@ impl Guard {
         let (pose, believed) = (here.odom_from_body, state.odom_from_body);
         let turn_rad = wrap_angle_rad(pose.heading_rad - believed.heading_rad);
         let error_m = pose.distance_m(believed) + self.outline.reach_m() * turn_rad.abs();
-        let place = Place::of(&pose);
+        let place = BodyPose::of(&pose);
         let body = self.outline.at(place);
         let fence_m = self.fence.as_ref().map_or(f64::INFINITY, |(_, fence)| fence.room_m(&body));
         let stop = self.braking.of(here);

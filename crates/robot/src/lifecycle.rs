@@ -7,7 +7,7 @@ use crate::signals::{
     Allowed, CycleTime, DriveMeasurement, DriveProgress, Exchange, Measurements, Phase, RequestAnswer,
     RequestKind, SafetyAction, SafetyReason, StopCategory,
 };
-use crate::stages::Standing;
+use crate::stages::Readiness;
 
 /// After a ramp without inputs drives that nobody hears get so long to stand, ns: ten times what they lag behind.
 const UNHEARD_NS: u64 = 500_000_000;
@@ -47,7 +47,7 @@ pub(crate) struct Outcome<'a> {
     /// The setpoint is at rest, and so is what the wheels are told where that isn't the same.
     pub(crate) setpoint_rests: bool,
     /// What moves beside the wheels.
-    pub(crate) peripherals: Standing,
+    pub(crate) peripherals: Readiness,
     /// What was followed has come to its end.
     pub(crate) is_finished: bool,
     /// What was followed was paused, and fence or obstacles keep the platform from where it stands.

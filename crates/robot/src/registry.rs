@@ -198,7 +198,7 @@ impl Kinds<MakeEvent> {
     pub fn add(
         &mut self,
         kind: Kind,
-        make: impl Fn(&EventTable, &[&str]) -> Made<Course> + Send + Sync + 'static,
+        make: impl Fn(&EventTable, &[&str]) -> Made<Effect> + Send + Sync + 'static,
     ) {
         self.put(kind, Box::new(make));
     }
@@ -272,11 +272,11 @@ pub struct MakePeripheral {
 }
 
 /// Makes what happens to the simulated robot, and what ends it where it has a duration, from its table and the drives' names.
-pub type MakeEvent = Box<dyn Fn(&EventTable, &[&str]) -> Made<Course> + Send + Sync>;
+pub type MakeEvent = Box<dyn Fn(&EventTable, &[&str]) -> Made<Effect> + Send + Sync>;
 
 /// What an event does, and what ends it.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Course {
+pub struct Effect {
     /// At its time.
     pub begin: Happening,
     /// After its duration, where it has one; `None` for what doesn't last.

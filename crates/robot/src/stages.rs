@@ -96,8 +96,8 @@ pub trait Peripheral: Send {
     }
 
     /// How far it is on its way, after what it read and wrote.
-    fn standing(&self) -> Standing {
-        Standing::NOTHING_MOVES
+    fn readiness(&self) -> Readiness {
+        Readiness::NOTHING_MOVES
     }
 
     /// It was left out of more exchanges in a row than are tolerated: what it does comes to rest.
@@ -131,7 +131,7 @@ impl Default for Leave {
 
 /// How far a SubDevice without a wheel is on its way.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Standing {
+pub struct Readiness {
     /// It follows its commands, or has none to follow: the robot may begin.
     pub is_ready: bool,
     /// It came to rest, and nothing waits to begin.
@@ -142,9 +142,10 @@ pub struct Standing {
     pub failed: bool,
 }
 
-impl Standing {
+impl Readiness {
     /// Of what has nothing that moves.
-    pub const NOTHING_MOVES: Standing = Standing { is_ready: true, rests: true, stands: true, failed: false };
+    pub const NOTHING_MOVES: Readiness =
+        Readiness { is_ready: true, rests: true, stands: true, failed: false };
 }
 
 /// What an estimator works on.

@@ -22,7 +22,7 @@ pub use sensors::Sensors;
 
 use omnibase_robot_sim::machine::DEFAULT_STEP_NS;
 use omnibase_robot_sim::{
-    BodyParameters, Contact, DriveStation, Floor, MachineParameters, MotorParameters, Patch, Payload, Place,
+    BodyParameters, Contact, DriveStation, Floor, MachineParameters, MotorParameters, Patch, Payload, Region,
     RobotSim, RobotSimDescription, SharedMachine, SharedSlide, Slope, Surface, Tread, Waves, WheelDrive,
     WheelParameters, Wire,
 };
@@ -142,9 +142,9 @@ fn floor(table: &SimulationTable) -> Floor {
         let sliding_friction = patch.sliding_friction.unwrap_or(SLIDING_SHARE * static_friction);
         let place = match patch.rectangle_m {
             Some([x_min, y_min, x_max, y_max]) => {
-                Place::Rectangle { from_m: [x_min, y_min], to_m: [x_max, y_max] }
+                Region::Rectangle { from_m: [x_min, y_min], to_m: [x_max, y_max] }
             }
-            None => Place::Disc { centre_m: patch.centre_m?, radius_m: patch.radius_m? },
+            None => Region::Disc { centre_m: patch.centre_m?, radius_m: patch.radius_m? },
         };
         Some(Patch { place, surface: Surface { static_friction, sliding_friction } })
     };

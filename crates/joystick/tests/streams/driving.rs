@@ -1,6 +1,6 @@
 //! What known devices do: axes, slider, dead-man, frames, stop and enable.
 
-use omnibase_joystick::{Block, Hold, JoystickCommand, JoystickFrame, Map, MapProblem, Presence};
+use omnibase_joystick::{Block, Hold, JoystickCommand, JoystickFrame, JoystickMapError, Map, Presence};
 use omnibase_robot::config::{
     AxisCode, AxisDirection, ButtonCode, DeadManRule, JoystickFrameName, JoystickTable, ReadyMapName,
 };
@@ -114,9 +114,14 @@ fn all_listed_ids_have_a_map_and_a_pads_other_devices_do_not_fit() {
     }
     assert_eq!(Map::of(&table, &t_flight()).expect("a map").ready, ReadyMapName::TFlightStickX);
     let problems = Map::of(&table, &motion_sensors()).expect_err("no buttons");
-    assert!(problems.iter().any(|problem| matches!(problem, MapProblem::NoButton { what: "dead_man", .. })));
+    assert!(
+        problems.iter().any(|problem| matches!(problem, JoystickMapError::NoButton { what: "dead_man", .. }))
+    );
     let unknown = omnibase_joystick::Description { vendor_id: 1, ..xbox() };
-    assert!(matches!(Map::of(&table, &unknown).unwrap_err()[..], [MapProblem::Unknown { vendor_id: 1, .. }]));
+    assert!(matches!(
+        Map::of(&table, &unknown).unwrap_err()[..],
+        [JoystickMapError::Unknown { vendor_id: 1, .. }]
+    ));
     let named = JoystickTable { map: Some(ReadyMapName::Xbox), ..table };
     assert!(Map::of(&named, &unknown).is_ok());
 }
@@ -284,5 +289,5 @@ fn tasks_that_collide_with_a_ready_map_and_values_out_of_bounds_are_refused_toge
     table.forward.offset = Some(0.6);
     assert_eq!(Map::of(&table, &t_flight()).expect_err("out of bounds").len(), 2);
     let none = JoystickTable { map: Some(ReadyMapName::None), ..JoystickTable::default() };
-    assert!(matches!(Map::of(&none, &t_flight()).unwrap_err()[..], [MapProblem::Missing { .. }, ..]));
+    assert!(matches!(Map::of(&none, &t_flight()).unwrap_err()[..], [JoystickMapError::Missing { .. }, ..]));
 }

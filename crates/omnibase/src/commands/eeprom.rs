@@ -42,7 +42,7 @@ enum Action {
 The segment is reset to INIT.")]
 struct ReadArguments {
     #[command(flatten)]
-    place: Place,
+    subdevice: SubDeviceArgument,
     /// The file to write; must not exist yet.
     file: PathBuf,
 }
@@ -60,7 +60,7 @@ every MainDevice and to the chip; the same command, or the backup, makes it whol
 What was written counts from the next power-on.")]
 struct WriteArguments {
     #[command(flatten)]
-    place: Place,
+    subdevice: SubDeviceArgument,
     /// The image.
     file: PathBuf,
     /// Where the present content goes first; must not exist yet. Default: eeprom-<position>-<milliseconds since 1970>.bin.
@@ -81,7 +81,7 @@ struct WriteArguments {
 Written as `eeprom write` writes, with a backup first; counts from the next power-on.")]
 struct AliasArguments {
     #[command(flatten)]
-    place: Place,
+    subdevice: SubDeviceArgument,
     /// The alias, from 1, decimal or 0x...; 0 is none.
     #[arg(value_parser = parse_alias)]
     alias: u16,
@@ -90,14 +90,14 @@ struct AliasArguments {
     backup: Option<PathBuf>,
 }
 
-/// Whose EEPROM.
+/// A SubDevice in which something is changed.
 #[derive(Debug, clap::Args)]
-struct Place {
+pub(super) struct SubDeviceArgument {
     /// Network interface, or sim:<segment.toml>.
     #[arg(value_name = "INTERFACE")]
     target: Target,
     /// Position of the SubDevice, from 0.
-    position: u16,
+    pub(super) position: u16,
 }
 
 /// Runs the command.
@@ -110,9 +110,9 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 }
 
 fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let Place { position, .. } = arguments.place;
+    let position = arguments.subdevice.position;
     new_file::check(&arguments.file)?;
-    let mut bus = arguments.place.open()?;
+    let mut bus = arguments.subdevice.open_at_rest()?;
     let image = bus.read_sii(position)?;
     new_file::write(&arguments.file, &image)?;
     writeln!(output, "SubDevice {position}: {} bytes in {}", image.len(), arguments.file.display())?;
@@ -145,9 +145,9 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
         "`{path}` has {} bytes, at most {MAX_BYTES} can be read back: not written",
         image.len()
     );
-    let Place { position, .. } = arguments.place;
+    let position = arguments.subdevice.position;
     check_backup(arguments.backup.as_deref())?;
-    let mut bus = arguments.place.open()?;
+    let mut bus = arguments.subdevice.open_at_rest()?;
     let one = bus.subdevice(position)?;
     let (found, wanted) = (one.identity, parsed.header.identity);
     ensure!(
@@ -181,9 +181,9 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
 }
 
 fn alias(arguments: &AliasArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let Place { position, .. } = arguments.place;
+    let position = arguments.subdevice.position;
     check_backup(arguments.backup.as_deref())?;
-    let mut bus = arguments.place.open()?;
+    let mut bus = arguments.subdevice.open_at_rest()?;
     ensure_alias_is_free(&bus, position, arguments.alias)?;
     let image = bus.sii_with_alias(position, arguments.alias)?.with_context(|| {
         format!(
@@ -304,32 +304,29 @@ fn parse_alias(text: &str) -> Result<u16, String> {
     alias.ok_or_else(|| format!("`{text}` is no alias, 0 to 65535, such as 7 or 0x0010"))
 }
 
-impl Place {
-    fn open(&self) -> anyhow::Result<AnyBus> {
-        open_at_rest(&self.target, self.position)
-    }
-}
-
-/// A segment in INIT whose SubDevice at `position` is there, to change something in it: refused where a robot or another
-/// MainDevice drives it, and where a SubDevice shows that somebody does.
-pub(super) fn open_at_rest(target: &Target, position: u16) -> anyhow::Result<AnyBus> {
-    ensure!(
-        !matches!(target, Target::Running(_)),
-        "a robot runs there: end it first; nothing is changed in devices that may be enabled"
-    );
-    let mut bus = Manners { force: false, visible: false }.enter(target, Port::Socket)?.into_bus();
-    if let Some(states) = bus.present_states()? {
-        let is_driven = states & (AlState::SafeOp.bits() | AlState::Op.bits()) != 0;
+impl SubDeviceArgument {
+    /// A segment in INIT whose SubDevice at `position` is there, to change something in it: refused where a robot or another
+    /// MainDevice drives it, and where a SubDevice shows that somebody does.
+    pub(super) fn open_at_rest(&self) -> anyhow::Result<AnyBus> {
+        let SubDeviceArgument { target, position } = self;
         ensure!(
-            !is_driven,
-            "`{target}`: a SubDevice is in SAFE-OP or OP, so somebody drives the segment or left it like that; nothing was \
-             changed. Bring it to INIT first (`omnibase scan {target}` does), when the wheels are off the ground"
+            !matches!(target, Target::Running(_)),
+            "a robot runs there: end it first; nothing is changed in devices that may be enabled"
         );
+        let mut bus = Manners { force: false, visible: false }.enter(target, Port::Socket)?.into_bus();
+        if let Some(states) = bus.present_states()? {
+            let is_driven = states & (AlState::SafeOp.bits() | AlState::Op.bits()) != 0;
+            ensure!(
+                !is_driven,
+                "`{target}`: a SubDevice is in SAFE-OP or OP, so somebody drives the segment or left it like that; nothing was \
+                 changed. Bring it to INIT first (`omnibase scan {target}` does), when the wheels are off the ground"
+            );
+        }
+        commands::scan_bus(&mut bus, target)?;
+        commands::note_warnings(&bus);
+        bus.subdevice(*position)?;
+        Ok(bus)
     }
-    commands::scan_bus(&mut bus, target)?;
-    commands::note_warnings(&bus);
-    bus.subdevice(position)?;
-    Ok(bus)
 }
 
 #[cfg(test)]

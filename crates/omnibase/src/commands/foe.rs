@@ -1,8 +1,8 @@
 //! `omnibase foe`: files of one SubDevice, such as its firmware.
 
-use crate::commands::eeprom::open_at_rest;
+use crate::commands::eeprom::SubDeviceArgument;
 use crate::progress::{bar, note, warn};
-use crate::target::{AnyBus, Target};
+use crate::target::AnyBus;
 use crate::to_the_end::to_the_end;
 use crate::value::number;
 use crate::{Outcome, new_file, small_file};
@@ -43,7 +43,7 @@ waits for the end. Devices that give no file back can't be compared; that is sai
 version (1009, 100a) afterwards.")]
 struct WriteArguments {
     #[command(flatten)]
-    place: Place,
+    remote: RemoteFile,
     /// The file on this computer.
     file: PathBuf,
     /// Don't read it back.
@@ -57,19 +57,16 @@ struct WriteArguments {
   omnibase foe read eth1 2 saved.bin --name firmware.bin")]
 struct ReadArguments {
     #[command(flatten)]
-    place: Place,
+    remote: RemoteFile,
     /// The file on this computer; must not exist yet.
     file: PathBuf,
 }
 
 /// Whose file, and its name there.
 #[derive(Debug, clap::Args)]
-struct Place {
-    /// Network interface, or sim:<segment.toml>.
-    #[arg(value_name = "INTERFACE")]
-    target: Target,
-    /// Position of the SubDevice, from 0.
-    position: u16,
+struct RemoteFile {
+    #[command(flatten)]
+    subdevice: SubDeviceArgument,
     /// The file's name in the SubDevice; default: that of the file on this computer.
     #[arg(long, value_name = "NAME")]
     name: Option<String>,
@@ -90,20 +87,20 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 }
 
 fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let WriteArguments { place, file, no_compare } = arguments;
+    let WriteArguments { remote, file, no_compare } = arguments;
     let content = small_file::read(file, small_file::FIRMWARE)?;
     ensure!(!content.is_empty(), "`{}` is empty: not written", file.display());
-    let access = place.access(file)?;
-    let mut bus = place.open(&access)?;
+    let access = remote.access(file)?;
+    let mut bus = remote.open(&access)?;
     // Half a firmware is none.
     let compared = to_the_end("a part of the file", || {
-        place.write(&mut bus, &access, &content)?;
+        remote.write(&mut bus, &access, &content)?;
         let compared = if *no_compare {
             Err("not asked for".to_owned())
         } else {
-            place.compare(&mut bus, &access, &content)?
+            remote.compare(&mut bus, &access, &content)?
         };
-        place.leave(&mut bus, "it may be starting its new firmware; power it off and on");
+        remote.leave(&mut bus, "it may be starting its new firmware; power it off and on");
         Ok(compared)
     })?;
     let verdict = match compared {
@@ -113,7 +110,7 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
     writeln!(
         output,
         "SubDevice {}: {} bytes as `{}`: {verdict}",
-        place.position,
+        remote.subdevice.position,
         content.len(),
         access.name
     )?;
@@ -121,21 +118,21 @@ fn write(arguments: &WriteArguments, output: &mut dyn Write) -> anyhow::Result<O
 }
 
 fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let ReadArguments { place, file } = arguments;
+    let ReadArguments { remote, file } = arguments;
     // Known before the device is brought to BOOT.
     new_file::check(file)?;
-    let access = place.access(file)?;
-    let mut bus = place.open(&access)?;
+    let access = remote.access(file)?;
+    let mut bus = remote.open(&access)?;
     let request = MailboxRequest::read_file(access.clone(), Vec::with_capacity(READ_LIMIT));
-    let content = place.transfer(&mut bus, request);
+    let content = remote.transfer(&mut bus, request);
     // Its firmware is untouched, whatever became of the file.
-    place.leave(&mut bus, "power it off and on");
+    remote.leave(&mut bus, "power it off and on");
     let content = content.with_context(|| format!("file `{}`", access.name))?;
     new_file::write(file, &content)?;
     writeln!(
         output,
         "SubDevice {}: `{}`, {} bytes in {}",
-        place.position,
+        remote.subdevice.position,
         access.name,
         content.len(),
         file.display()
@@ -143,7 +140,7 @@ fn read(arguments: &ReadArguments, output: &mut dyn Write) -> anyhow::Result<Out
     Ok(Outcome::Done)
 }
 
-impl Place {
+impl RemoteFile {
     fn access(&self, file: &std::path::Path) -> anyhow::Result<FileAccess> {
         let own = file.file_name().map(|name| name.to_string_lossy().into_owned());
         let name = self.name.clone().or(own).context("the file has no name: give --name")?;
@@ -153,8 +150,8 @@ impl Place {
 
     /// The segment, and the SubDevice where it takes files.
     fn open(&self, access: &FileAccess) -> anyhow::Result<AnyBus> {
-        let mut bus = open_at_rest(&self.target, self.position)?;
-        let header = &bus.subdevice(self.position)?.sii.header;
+        let mut bus = self.subdevice.open_at_rest()?;
+        let header = &bus.subdevice(self.subdevice.position)?.sii.header;
         let area = if self.pre_op { header.mailbox } else { header.bootstrap_mailbox };
         let room = usize::from(area.receive_size).saturating_sub(mailbox::HEADER + foe::HEADER);
         // What it has no mailbox for is told below, by its state.
@@ -162,22 +159,22 @@ impl Place {
             access.name.len() <= room || room == 0,
             "--name has {} bytes, SubDevice {}'s mailbox carries {room} at most",
             access.name.len(),
-            self.position
+            self.subdevice.position
         );
         if !self.pre_op {
-            note(format_args!("SubDevice {}: to BOOT", self.position));
-            bus.enter_boot(self.position)?;
+            note(format_args!("SubDevice {}: to BOOT", self.subdevice.position));
+            bus.enter_boot(self.subdevice.position)?;
             return Ok(bus);
         }
         bus.configure_sound()?;
-        let one = bus.subdevice(self.position)?;
+        let one = bus.subdevice(self.subdevice.position)?;
         if let Some(cause) = &one.broken {
-            anyhow::bail!("SubDevice {} is broken: {cause}", self.position);
+            anyhow::bail!("SubDevice {} is broken: {cause}", self.subdevice.position);
         }
         ensure!(
             one.sii.header.mailbox_protocols & PROTOCOL_FOE != 0,
             "SubDevice {} ({}) takes no files: its SII names no FoE among the mailbox protocols",
-            self.position,
+            self.subdevice.position,
             one.name
         );
         Ok(bus)
@@ -186,7 +183,8 @@ impl Place {
     fn transfer(&self, bus: &mut AnyBus, request: MailboxRequest) -> anyhow::Result<Vec<u8>> {
         let bar = bar(request.data.len() as u64, "bytes");
         let request = request.with_timeout(FILE_TIMEOUT);
-        let done = bus.transfer_file(self.position, request, &mut |bytes| bar.set_position(bytes as u64));
+        let done =
+            bus.transfer_file(self.subdevice.position, request, &mut |bytes| bar.set_position(bytes as u64));
         bar.finish_and_clear();
         Ok(done?)
     }
@@ -195,7 +193,7 @@ impl Place {
         note(format_args!("writing {} bytes as `{}`", content.len(), access.name));
         let written = self.transfer(bus, MailboxRequest::write_file(access.clone(), content.to_vec()));
         written.map(drop).map_err(|error| {
-            let position = self.position;
+            let position = self.subdevice.position;
             if refused_at(&error) == Some(0) {
                 self.leave(bus, "power it off and on");
                 return error.context(format!(
@@ -229,7 +227,7 @@ impl Place {
         ensure!(
             found.len() == content.len() && differs.is_none(),
             "SubDevice {}: what was read back differs from byte {} on ({} bytes of {}): write it again",
-            self.position,
+            self.subdevice.position,
             differs.unwrap_or(found.len().min(content.len())),
             found.len(),
             content.len()
@@ -240,7 +238,7 @@ impl Place {
     /// To INIT; `advice` is for one that doesn't follow, as a device that starts its new firmware by itself is away for a while.
     fn leave(&self, bus: &mut AnyBus, advice: &str) {
         if !self.pre_op
-            && let Err(error) = bus.leave_boot(self.position)
+            && let Err(error) = bus.leave_boot(self.subdevice.position)
         {
             warn(format_args!("{error}: {advice}"));
         }

@@ -10,7 +10,7 @@ use crate::along::{self, Places};
 use crate::gaps::{Gaps, Part};
 use crate::search::Search;
 use crate::space::{Checker, Space};
-use crate::turning::{Place, Turning};
+use crate::turning::{CellPose, Turning};
 
 #[cfg(test)]
 mod tests;
@@ -316,17 +316,17 @@ fn unwound(mut poses: Vec<Pose2>) -> Vec<Pose2> {
 }
 
 /// A way over places and headings as poses: where any heading will do, it changes evenly.
-pub(super) fn turned([from, to]: [Pose2; 2], places: &[Place]) -> Vec<Pose2> {
-    let end = |pose: Pose2| Place { x: pose.x_m, y: pose.y_m, heading_rad: Some(pose.heading_rad) };
-    let mut all: Vec<Place> = vec![end(from)];
+pub(super) fn turned([from, to]: [Pose2; 2], places: &[CellPose]) -> Vec<Pose2> {
+    let end = |pose: Pose2| CellPose { x: pose.x_m, y: pose.y_m, heading_rad: Some(pose.heading_rad) };
+    let mut all: Vec<CellPose> = vec![end(from)];
     for place in places {
         // Into and out of a narrow place the heading stays.
         match (all.last().copied(), place.heading_rad) {
             (Some(before), None) if before.heading_rad.is_some() => {
-                all.push(Place { heading_rad: before.heading_rad, ..*place });
+                all.push(CellPose { heading_rad: before.heading_rad, ..*place });
             }
             (Some(before), Some(_)) if before.heading_rad.is_none() => {
-                all.push(Place { heading_rad: place.heading_rad, ..before });
+                all.push(CellPose { heading_rad: place.heading_rad, ..before });
             }
             _ => {}
         }
@@ -334,7 +334,7 @@ pub(super) fn turned([from, to]: [Pose2; 2], places: &[Place]) -> Vec<Pose2> {
     }
     match all.last().copied() {
         Some(last) if last.heading_rad.is_none() => {
-            all.push(Place { heading_rad: Some(to.heading_rad), ..last });
+            all.push(CellPose { heading_rad: Some(to.heading_rad), ..last });
         }
         _ => {}
     }

@@ -70,7 +70,7 @@ fn what_cannot_be_reached_is_told_by_looks_in_the_passage_alone() {
     let space = Space::new(map);
     in_room(&space, |turning| {
         let [from, to] = [[2.0, 4.0], [10.0, 4.0]].map(|[x, y]| Pose2::new(x / 0.05, y / 0.05, 0.0));
-        assert_eq!(turning.shortest(&from, &to), Vec::<Vec<Place>>::new());
+        assert_eq!(turning.shortest(&from, &to), Vec::<Vec<CellPose>>::new());
         let looked = turning.looked.iter().filter(|looked| **looked != 0).count();
         let cells = 0..turning.looked.len() / turning.headings;
         let narrow =

@@ -2,7 +2,7 @@
 
 use super::curve::{self, COLUMNS};
 use super::sections::Speeds;
-use super::sensors::Place;
+use super::sensors::MapSeries;
 use super::signals::Signals;
 use super::totals::Totals;
 use super::tracking::Tracking;
@@ -119,7 +119,7 @@ impl Reduction {
     fn reduce(&mut self) {
         let signals = Signals::new(&self.piece);
         let tracking = Tracking::new(&signals);
-        let place = Place::of(&signals, &tracking);
+        let place = MapSeries::of(&signals, &tracking);
         self.totals.add(&signals, &tracking, place.as_ref(), self.counted);
         // Where there are few rows, each is drawn.
         if self.length.rows > 2 * COLUMNS {
@@ -162,7 +162,12 @@ fn keep(piece: &mut RecordedRun, is_seen: &[bool]) {
 }
 
 /// Which rows of a column are seen.
-fn seen(piece: &RecordedRun, signals: &Signals<'_>, tracking: &Tracking, place: Option<&Place>) -> Vec<bool> {
+fn seen(
+    piece: &RecordedRun,
+    signals: &Signals<'_>,
+    tracking: &Tracking,
+    place: Option<&MapSeries>,
+) -> Vec<bool> {
     let rows = signals.times_s.len();
     let mut is_seen = vec![false; rows];
     let Some(last) = rows.checked_sub(1) else { return is_seen };

@@ -158,7 +158,7 @@ pub(super) struct Off {
 }
 
 /// The place in map, row by row.
-pub(super) struct Place {
+pub(super) struct MapSeries {
     /// Three standard deviations, m, in the worse direction.
     pub(super) known_m: Vec<f64>,
     /// Three standard deviations of the heading, rad.
@@ -169,7 +169,7 @@ pub(super) struct Place {
     pub(super) odom: Option<Off>,
 }
 
-impl Place {
+impl MapSeries {
     /// `None` where it wasn't recorded.
     pub(super) fn of(signals: &Signals<'_>, tracking: &Tracking) -> Option<Self> {
         let variance = |axes: &str| signals.column(&[&format!("map_covariance_{axes}")]);
@@ -182,7 +182,7 @@ impl Place {
             let rows = 0..map.x.len().min(other.x.len());
             Off { distance_m: rows.clone().map(distance).collect(), turned_rad: rows.map(turned).collect() }
         };
-        Some(Place {
+        Some(MapSeries {
             known_m: xx.iter().zip(&yy).map(|(xx, yy)| sigmas(xx.max(*yy))).collect(),
             known_rad: hh.iter().map(|hh| sigmas(*hh)).collect(),
             truth: tracking.truth.as_ref().map(off),
@@ -194,7 +194,7 @@ impl Place {
 /// How well the place in map was known, how wrong it was where the truth is known, and how far odom was off map.
 fn place(signals: &Signals<'_>, tracking: &Tracking, totals: &Totals) -> String {
     let times = &signals.times_s;
-    let Some(place) = Place::of(signals, tracking) else {
+    let Some(place) = MapSeries::of(signals, tracking) else {
         return absent("Place in map", "not recorded");
     };
     let mut html = String::new();

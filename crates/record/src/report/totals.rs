@@ -1,7 +1,7 @@
 //! What is told of all cycles of a run, however few of its rows are kept to be drawn.
 
 use super::histogram::Quantiles;
-use super::sensors::{self, Counted, Place};
+use super::sensors::{self, Counted, MapSeries};
 use super::signals::Signals;
 use super::tracking::Tracking;
 
@@ -67,7 +67,7 @@ impl Totals {
     /// All of a run that is there as a whole.
     pub(super) fn of(signals: &Signals<'_>, tracking: &Tracking) -> Self {
         let mut totals = Totals::default();
-        totals.add(signals, tracking, Place::of(signals, tracking).as_ref(), 0);
+        totals.add(signals, tracking, MapSeries::of(signals, tracking).as_ref(), 0);
         totals
     }
 
@@ -76,7 +76,7 @@ impl Totals {
         &mut self,
         signals: &Signals<'_>,
         tracking: &Tracking,
-        place: Option<&Place>,
+        place: Option<&MapSeries>,
         first: usize,
     ) {
         let rows = signals.times_s.len();

@@ -25,7 +25,7 @@ pub struct PdoPlan {
 
 /// Why a map's text was refused.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum MapError {
+pub enum PdoMapError {
     /// Not `index:bits`, `index.subindex:bits` or `pad:bits`.
     #[error("expected `index:bits`, `index.subindex:bits` or `pad:bits`, found `{0}`")]
     Form(String),
@@ -38,8 +38,8 @@ pub enum MapError {
 }
 
 /// Reads an object: `6040`, `0x6040`, `60C1.1`, or with a hexadecimal subindex `60C1:01`.
-pub fn parse_object(text: &str) -> Result<(u16, u8), MapError> {
-    let wrong = || MapError::Object(text.into());
+pub fn parse_object(text: &str) -> Result<(u16, u8), PdoMapError> {
+    let wrong = || PdoMapError::Object(text.into());
     let (index, subindex) = text.trim().split_once('.').unwrap_or((text.trim(), "0"));
     let index = index.strip_prefix("0x").or(index.strip_prefix("0X")).unwrap_or(index);
     if let Some((index, subindex)) = index.split_once(':') {
@@ -51,13 +51,13 @@ pub fn parse_object(text: &str) -> Result<(u16, u8), MapError> {
 }
 
 /// Reads a map: entries between white space, in order.
-pub fn parse_map(text: &str) -> Result<Vec<MapEntry>, MapError> {
+pub fn parse_map(text: &str) -> Result<Vec<MapEntry>, PdoMapError> {
     text.split_whitespace()
         .map(|entry| {
-            let (object, bits) = entry.split_once(':').ok_or_else(|| MapError::Form(entry.into()))?;
+            let (object, bits) = entry.split_once(':').ok_or_else(|| PdoMapError::Form(entry.into()))?;
             let least = u8::from(object != "pad");
             let bits = bits.parse().ok().filter(|bits| *bits >= least);
-            let bits = bits.ok_or_else(|| MapError::Bits(entry.into()))?;
+            let bits = bits.ok_or_else(|| PdoMapError::Bits(entry.into()))?;
             let (index, subindex) = if object == "pad" { (0, 0) } else { parse_object(object)? };
             Ok(MapEntry { index, subindex, bits })
         })
@@ -137,9 +137,9 @@ mod tests {
 
     #[test]
     fn wrong_maps_say_what_was_expected() {
-        assert_eq!(parse_map("6040"), Err(MapError::Form("6040".into())));
-        assert_eq!(parse_map("zz40:16"), Err(MapError::Object("zz40".into())));
-        assert_eq!(parse_map("6040:0"), Err(MapError::Bits("6040:0".into())));
-        assert_eq!(parse_map("6040:999"), Err(MapError::Bits("6040:999".into())));
+        assert_eq!(parse_map("6040"), Err(PdoMapError::Form("6040".into())));
+        assert_eq!(parse_map("zz40:16"), Err(PdoMapError::Object("zz40".into())));
+        assert_eq!(parse_map("6040:0"), Err(PdoMapError::Bits("6040:0".into())));
+        assert_eq!(parse_map("6040:999"), Err(PdoMapError::Bits("6040:999".into())));
     }
 }

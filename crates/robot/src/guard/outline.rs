@@ -86,26 +86,26 @@ impl Outline {
 
     /// Put where the body stands.
     pub(crate) fn placed(&self, odom_from_body: &Pose2) -> Body<'_> {
-        self.at(Place::of(odom_from_body))
+        self.at(BodyPose::of(odom_from_body))
     }
 
-    pub(super) fn at(&self, place: Place) -> Body<'_> {
+    pub(super) fn at(&self, place: BodyPose) -> Body<'_> {
         Body { outline: self, place }
     }
 }
 
 /// Where a body stands in odom: its origin, sine and cosine of its heading.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct BodyPose {
     pub(super) origin: Point,
     sin: f64,
     cos: f64,
 }
 
-impl Place {
+impl BodyPose {
     pub(super) fn of(odom_from_body: &Pose2) -> Self {
         let (sin, cos) = odom_from_body.heading_rad.sin_cos();
-        Place { origin: [odom_from_body.x_m, odom_from_body.y_m], sin, cos }
+        BodyPose { origin: [odom_from_body.x_m, odom_from_body.y_m], sin, cos }
     }
 }
 
@@ -113,7 +113,7 @@ impl Place {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Body<'a> {
     outline: &'a Outline,
-    place: Place,
+    place: BodyPose,
 }
 
 impl<'a> Body<'a> {
@@ -124,13 +124,13 @@ impl<'a> Body<'a> {
 
     /// A direction in odom as seen from the body.
     pub(super) fn seen(&self, way: Point) -> Point {
-        let Place { sin, cos, .. } = self.place;
+        let BodyPose { sin, cos, .. } = self.place;
         [cos * way[0] + sin * way[1], cos * way[1] - sin * way[0]]
     }
 
     /// A direction of the body in odom.
     fn told(&self, way: Point) -> Point {
-        let Place { sin, cos, .. } = self.place;
+        let BodyPose { sin, cos, .. } = self.place;
         [cos * way[0] - sin * way[1], sin * way[0] + cos * way[1]]
     }
 

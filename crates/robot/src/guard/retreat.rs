@@ -19,7 +19,7 @@ use omnibase_platform::Pose2;
 
 use super::braking::Sweep;
 use super::fence::Fence;
-use super::outline::{Body, Outline, Place, Sight};
+use super::outline::{Body, BodyPose, Outline, Sight};
 use super::shape::{Point, cross, dot, length, plus};
 use crate::signals::Setpoint;
 
@@ -49,7 +49,7 @@ enum Carrier {
 impl<'a> Retreat<'a> {
     /// From a place to the next cycle's, and the stop after it; the body at that place, and its footprint.
     pub(super) fn new(
-        place: Place,
+        place: BodyPose,
         footprint: &'a Outline,
         [here, next]: [&Setpoint; 2],
         sweep: &Sweep,

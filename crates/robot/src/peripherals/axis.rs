@@ -18,7 +18,7 @@ use crate::config::{AxisMode, AxisPlan, DevicePlan, EncoderName};
 use crate::devices::{Field, nearest};
 use crate::registry::{Made, given};
 use crate::signals::{AxisAsk, AxisState, CycleTime, RequestAnswer};
-use crate::stages::{Leave, Peripheral, Standing};
+use crate::stages::{Leave, Peripheral, Readiness};
 use fields::Fields;
 pub(super) use fields::defaults;
 use profile::Profile;
@@ -462,11 +462,11 @@ impl Peripheral for Axis {
         RequestAnswer::Taken
     }
 
-    fn standing(&self) -> Standing {
+    fn readiness(&self) -> Readiness {
         let failed = self.watch.wrong().is_some() || self.enabling.problem().is_some();
         let rests = self.task == Task::Rest && self.next.is_none() && self.profile.rests();
         let is_ready = self.is_running && !self.is_lost;
-        Standing { is_ready, rests: rests && self.stands(), stands: self.stands(), failed }
+        Readiness { is_ready, rests: rests && self.stands(), stands: self.stands(), failed }
     }
 
     fn lost(&mut self) {

@@ -14,7 +14,7 @@ use crate::signals::{
     AxisAsk, Between, CycleTime, Exchange, Heard, Inputs, MAX_DEVICES, MAX_SIGNALS, Outputs, RequestAnswer,
     SignalLayout, Signals, Told,
 };
-use crate::stages::{Leave, Peripheral, Standing};
+use crate::stages::{Leave, Peripheral, Readiness};
 
 /// All SubDevices that drive no wheel, and what they remember from cycle to cycle.
 pub(crate) struct Peripherals {
@@ -224,17 +224,17 @@ impl Peripherals {
 
     /// How far they are on their way, all together, and the first that failed. Those that weren't heard in this cycle
     /// aren't ready, and rest only where they did when they were heard last.
-    pub(crate) fn standing(&self, exchange: Exchange) -> (Standing, Option<usize>) {
-        let mut all = Standing::NOTHING_MOVES;
+    pub(crate) fn readiness(&self, exchange: Exchange) -> (Readiness, Option<usize>) {
+        let mut all = Readiness::NOTHING_MOVES;
         let mut failed = None;
         for (device, part) in self.all.iter().enumerate().filter(|(_, part)| !part.is_absent()) {
-            let one = part.peripheral.standing();
+            let one = part.peripheral.readiness();
             all.is_ready &= one.is_ready && exchange.has_inputs_of_device(device);
             all.rests &= one.rests;
             all.stands &= one.stands;
             failed = failed.or(one.failed.then_some(device));
         }
-        (Standing { failed: failed.is_some(), ..all }, failed)
+        (Readiness { failed: failed.is_some(), ..all }, failed)
     }
 
     /// Says what is wrong with one of them, in words, and whether anything is.

@@ -8,7 +8,7 @@ use omnibase_robot::signals::{
     Commands, CycleTime, Frame, PlatformState, Quantity, ReferenceStatus, SafetyAction, SafetyReason,
     Setpoint, StopCategory,
 };
-use omnibase_robot::stages::{Controller, Estimator, Observation, Peripheral, Reference, Standing};
+use omnibase_robot::stages::{Controller, Estimator, Observation, Peripheral, Readiness, Reference};
 use omnibase_robot::{Exchange, Phase, Registry, RequestKind};
 
 use crate::support::{BMM, Bench, MECANUM, kind, plan_with};
@@ -77,8 +77,8 @@ impl Peripheral for Fails {
         self.0 = bytes[0] != 0;
     }
 
-    fn standing(&self) -> Standing {
-        Standing { failed: self.0, ..Standing::NOTHING_MOVES }
+    fn readiness(&self) -> Readiness {
+        Readiness { failed: self.0, ..Readiness::NOTHING_MOVES }
     }
 }
 

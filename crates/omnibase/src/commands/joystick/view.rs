@@ -2,7 +2,7 @@
 
 use omnibase_joystick::port::Happened;
 use omnibase_joystick::{
-    Block, Description, Hold, Joystick, JoystickCommand, JoystickFrame, Map, MapProblem, Presence,
+    Block, Description, Hold, Joystick, JoystickCommand, JoystickFrame, JoystickMapError, Map, Presence,
 };
 use omnibase_robot::config::{AxisCode, ButtonCode, Limits};
 use serde_json::{Value, json};
@@ -24,7 +24,11 @@ pub struct View {
 }
 
 /// A device and its map as one line of JSON.
-pub fn device_json(path: Option<&Path>, device: &Description, map: &Result<Map, Vec<MapProblem>>) -> Value {
+pub fn device_json(
+    path: Option<&Path>,
+    device: &Description,
+    map: &Result<Map, Vec<JoystickMapError>>,
+) -> Value {
     let axes: serde_json::Map<String, Value> = device
         .axes
         .iter()
