@@ -179,7 +179,7 @@ impl CallHandler {
             }
             Call::LoadPoints { text } => {
                 let points = PathPoints::parse(&text).map_err(|error| error.to_string())?;
-                let checked = self.about.check(path_of(&points).into(), &no_files)?;
+                let checked = self.about.check(ReferenceTable::through(&points).into(), &no_files)?;
                 return self.load(asker, checked, "path loaded");
             }
             Call::LoadSaved { name } => return self.load(asker, self.saved(&name)?, "path loaded"),
@@ -360,19 +360,6 @@ fn turned_least(pose: Pose2, here: &Pose2) -> Pose2 {
 fn wish([x, y, turn]: [f64; 3], limits: &Limits) -> Twist2 {
     let speed_m_s = limits.speed_m_s / x.hypot(y).max(1.0);
     Twist2::new(x * speed_m_s, y * speed_m_s, turn * limits.turn_speed_rad_s)
-}
-
-/// Points as a reference, by the rules that a robot's file has where it says nothing.
-fn path_of(points: &PathPoints) -> ReferenceTable {
-    let rows = points.as_slice().iter().map(|point| {
-        let Pose2 { x_m, y_m, heading_rad } = point.odom_from_base;
-        [point.time_s, x_m, y_m, heading_rad]
-    });
-    ReferenceTable {
-        kind: Some("path".to_owned()),
-        points: Some(rows.collect()),
-        ..ReferenceTable::default()
-    }
 }
 
 #[cfg(test)]

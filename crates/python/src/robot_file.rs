@@ -71,10 +71,8 @@ impl Wanted {
     fn reference(&self) -> Result<Option<Source<ReferenceTable>>, Failure> {
         if let Some(path) = &self.path {
             let points_file = std::path::absolute(path).map_err(Failure::of)?;
-            let points_file = Some(points_file.to_string_lossy().into_owned());
-            let table =
-                ReferenceTable { kind: Some("path".to_owned()), points_file, ..ReferenceTable::default() };
-            return Ok(Some(table.into()));
+            let points_file = points_file.to_string_lossy().into_owned();
+            return Ok(Some(ReferenceTable::path_of_file(points_file).into()));
         }
         Ok(self.reference.clone().map(Source::read_json))
     }

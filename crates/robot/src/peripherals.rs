@@ -12,6 +12,11 @@ pub use axis::Axis;
 pub(crate) use cyclic::Peripherals;
 pub use io::Io;
 
+/// The name of the kind [`Ignored`].
+pub const IGNORE: &str = "ignore";
+/// The name of the kind [`Axis`].
+pub const AXIS: &str = "axis";
+
 /// A SubDevice that is brought along as it describes itself: nobody reads its inputs, its outputs stay 0.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Ignored;
@@ -21,7 +26,7 @@ impl Peripheral for Ignored {}
 /// Registers the built-in kinds.
 pub fn register(registry: &mut Registry) {
     let ignore = Kind {
-        name: "ignore",
+        name: IGNORE,
         meaning: "Brought along as it describes itself; nobody reads its inputs, its outputs stay 0",
         keys: Vec::new(),
     };
@@ -33,7 +38,7 @@ pub fn register(registry: &mut Registry) {
     };
     registry.peripherals.add(io, PeripheralDefaults { by_signals: true, ..Default::default() }, Io::new);
     let axis = Kind {
-        name: "axis",
+        name: AXIS,
         meaning: "A drive of the profile CiA 402 that turns no wheel: a lift, a joint, a turret",
         keys: [needed("axis")].into_iter().chain(["inputs", "outputs", "parameters"].map(optional)).collect(),
     };

@@ -37,6 +37,26 @@ const SPEEDS: [&str; 4] = ["speed_m_s", "turn_speed_rad_s", "start_speed_m_s", "
 /// Where in them those of the ends begin.
 const ENDS: usize = 2;
 
+/// The name of the path through points.
+const PATH: &str = "path";
+
+impl ReferenceTable {
+    /// A path through lines `[t, x, y, θ]`, SI.
+    pub fn path(points: Vec<[f64; 4]>) -> Self {
+        ReferenceTable { kind: Some(PATH.to_owned()), points: Some(points), ..Default::default() }
+    }
+
+    /// A path through the lines of a file.
+    pub fn path_of_file(file: String) -> Self {
+        ReferenceTable { kind: Some(PATH.to_owned()), points_file: Some(file), ..Default::default() }
+    }
+
+    /// A path through points.
+    pub fn through(points: &PathPoints) -> Self {
+        ReferenceTable::path(lines_of(points))
+    }
+}
+
 /// The keys of what repeats taught.
 const CORRECTION: [&str; 2] = ["correction", "correction_file"];
 
@@ -111,7 +131,7 @@ pub fn register(registry: &mut Registry) {
     }
     references.add(
         Kind {
-            name: "path",
+            name: PATH,
             meaning: "A path through points with their times",
             keys: [
                 needed("points"),
@@ -402,12 +422,15 @@ fn in_frame(trajectory: impl Trajectory + Send + 'static, table: &ReferenceTable
 
 /// Reads a file of path points.
 pub(crate) fn read_points(text: &str) -> Result<Vec<[f64; 4]>, String> {
-    let points = PathPoints::parse(text).map_err(|error| error.to_string())?;
-    let row = |point: &PathPoint| {
+    Ok(lines_of(&PathPoints::parse(text).map_err(|error| error.to_string())?))
+}
+
+fn lines_of(points: &PathPoints) -> Vec<[f64; 4]> {
+    let line = |point: &PathPoint| {
         let Pose2 { x_m, y_m, heading_rad } = point.odom_from_base;
         [point.time_s, x_m, y_m, heading_rad]
     };
-    Ok(points.as_slice().iter().map(row).collect())
+    points.as_slice().iter().map(line).collect()
 }
 
 /// Follows a trajectory.

@@ -476,15 +476,13 @@ fn table_of(plan: &Plan, limits: &Limits, share: f64) -> ReferenceTable {
         points.push([time_s, pose.x_m, pose.y_m, pose.heading_rad]);
     }
     ReferenceTable {
-        kind: Some("path".to_owned()),
-        points: Some(points),
         timing: Some(Timing::Fastest),
         corner_m: Some(CORNER_M),
         frame: Some(PathFrame::Odom),
         obstacles: Some(AtObstacles::Wait),
         speed_m_s: (share < 1.0).then_some(share * limits.speed_m_s),
         turn_speed_rad_s: (share < 1.0).then_some(share * limits.turn_speed_rad_s),
-        ..ReferenceTable::default()
+        ..ReferenceTable::path(points)
     }
 }
 

@@ -117,16 +117,10 @@ pub fn joined(poses: &[Pose2], limits: &Limits) -> Result<Taught, TeachError> {
 
 /// A path's reference.
 fn reference(points: &PathPoints, interpolation: InterpolationName) -> ReferenceTable {
-    let row = |point: &PathPoint| {
-        let Pose2 { x_m, y_m, heading_rad } = point.odom_from_base;
-        [point.time_s, x_m, y_m, heading_rad]
-    };
     ReferenceTable {
-        kind: Some("path".to_owned()),
         frame: Some(PathFrame::Odom),
         interpolation: Some(interpolation),
-        points: Some(points.as_slice().iter().map(row).collect()),
-        ..ReferenceTable::default()
+        ..ReferenceTable::through(points)
     }
 }
 

@@ -82,7 +82,7 @@ fn leave_alone(document: &mut DocumentMut, plan: &RobotPlan, record: &Record) {
             Some(alias) => table.insert("alias", value(i64::from(alias))),
             None => table.insert("position", value(i64::from(position))),
         };
-        table.insert("kind", value("ignore"));
+        table.insert("kind", value(omnibase_robot::peripherals::IGNORE));
         table.insert("vendor_id", value(format!("0x{vendor_id:X}")));
         table.insert("product_code", value(format!("0x{product_code:X}")));
         tables.push(table);

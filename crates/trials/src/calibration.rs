@@ -228,11 +228,9 @@ struct Drive {
 fn drive_figure(plan: &RobotPlan, drawn: &Drawn, figure: &Figure) -> Drive {
     let mut plan = plan.clone();
     plan.reference = ReferenceTable {
-        kind: Some("path".to_owned()),
-        points: Some(figure.points.clone()),
         interpolation: Some(InterpolationName::Quintic),
         frame: Some(PathFrame::Start),
-        ..ReferenceTable::default()
+        ..ReferenceTable::path(figure.points.clone())
     };
     let mut trial = Trial::on_machine(plan, |machine| drawn.put_into(machine));
     trial.enable();
@@ -272,17 +270,13 @@ fn drive_figure(plan: &RobotPlan, drawn: &Drawn, figure: &Figure) -> Drive {
 /// the true one.
 fn square_rms_m(plan: &RobotPlan, drawn: &Drawn, frame: Pose2, seed: u64) -> f64 {
     let mut plan = plan.clone();
-    plan.reference = ReferenceTable {
-        kind: Some("path".to_owned()),
-        points: Some(vec![
-            [0.0; 4],
-            [5.0, 2.0, 0.0, 0.0],
-            [10.0, 2.0, 2.0, 0.0],
-            [15.0, 0.0, 2.0, 0.0],
-            [20.0, 0.0, 0.0, 0.0],
-        ]),
-        ..ReferenceTable::default()
-    };
+    plan.reference = ReferenceTable::path(vec![
+        [0.0; 4],
+        [5.0, 2.0, 0.0, 0.0],
+        [10.0, 2.0, 2.0, 0.0],
+        [15.0, 0.0, 2.0, 0.0],
+        [20.0, 0.0, 0.0, 0.0],
+    ]);
     let mut trial = Trial::on_machine(plan, |machine| drawn.put_into(machine));
     trial.enable();
     let odom = trial.robot.record().setpoint.odom_from_body;

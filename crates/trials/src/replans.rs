@@ -186,11 +186,9 @@ fn path(random: &mut Random, plan: &RobotPlan, registry: &Registry) -> Option<Bo
         point
     });
     let table = ReferenceTable {
-        kind: Some("path".into()),
-        points: Some(points.collect()),
         timing: Some(Timing::Fastest),
         frame: Some(PathFrame::Start),
-        ..Default::default()
+        ..ReferenceTable::path(points.collect())
     };
     registry.make_reference(&table, &Ability::of(plan)).ok()
 }

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::Clock;
 use omnibase_robot::config::{BusPlace, DevicePlan, DrivePlan};
+use omnibase_robot::peripherals::AXIS;
 
 use super::{
     ATTEMPTS, AnyBus, Guide, Leave, SetupError, has_its_numbers, is_identity, is_product, seen, who,
@@ -29,7 +30,7 @@ impl<C: Clock> Guide<'_, C> {
             let Some((_, name, kind)) = places.iter().find(|(at, ..)| *at == drive.position) else {
                 continue;
             };
-            let what = if kind == "axis" { "an axis".to_owned() } else { format!("kind `{kind}`") };
+            let what = if kind == AXIS { "an axis".to_owned() } else { format!("kind `{kind}`") };
             self.leave_alone(drives, &drive, &format!("is `{name}` of the file, {what}"));
         }
         // Who isn't among the drives any more was set apart before.

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::config::{FencePlan, FootprintSource, PathFrame};
+use omnibase_robot::config::{FencePlan, FootprintSource, InterpolationName, PathFrame, ReferenceTable};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::registry::Kind;
 use omnibase_robot::signals::Frame;
@@ -265,10 +265,7 @@ fn source(r: &mut Random, plan: &mut RobotPlan, size_m: f64, cycles: u64) -> Sou
         }
         kind => {
             let table = &mut plan.reference;
-            *table = Default::default();
-            table.frame = Some(PathFrame::Odom);
             if kind == 4 {
-                table.kind = Some("path".into());
                 let mut points = vec![[0.0; 4]];
                 let mut place = [0.0, 0.0, 0.0];
                 for _ in 0..2 {
@@ -287,13 +284,19 @@ fn source(r: &mut Random, plan: &mut RobotPlan, size_m: f64, cycles: u64) -> Sou
                     let before_s = points.last().map_or(0.0, |point: &[f64; 4]| point[0]);
                     points.push([before_s + time_s, place[0], place[1], place[2]]);
                 }
-                table.points = Some(points);
-                table.interpolation = Some(omnibase_robot::config::InterpolationName::Quintic);
+                *table = ReferenceTable {
+                    frame: Some(PathFrame::Odom),
+                    interpolation: Some(InterpolationName::Quintic),
+                    ..ReferenceTable::path(points)
+                };
             } else {
                 let round = round();
-                table.kind = Some(round[r.below(round.len() as u64) as usize].into());
-                table.radius_m = Some(r.between(0.2, 0.5) * (size_m + 0.5));
-                table.frame = Some(PathFrame::Start);
+                *table = ReferenceTable {
+                    kind: Some(round[r.below(round.len() as u64) as usize].into()),
+                    radius_m: Some(r.between(0.2, 0.5) * (size_m + 0.5)),
+                    frame: Some(PathFrame::Start),
+                    ..Default::default()
+                };
             }
             Source::Plan
         }

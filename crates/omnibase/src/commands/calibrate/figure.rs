@@ -86,11 +86,9 @@ pub(super) fn chosen(arguments: &Arguments, plan: &RobotPlan) -> anyhow::Result<
 /// As a reference of the robot.
 pub(super) fn reference(figure: &Figure) -> ReferenceTable {
     ReferenceTable {
-        kind: Some("path".to_owned()),
-        points: Some(figure.points.clone()),
         interpolation: Some(InterpolationName::Quintic),
         frame: Some(PathFrame::Start),
-        ..ReferenceTable::default()
+        ..ReferenceTable::path(figure.points.clone())
     }
 }
 

@@ -26,23 +26,11 @@ pub struct ReferenceChoice {
     correction: Option<String>,
 }
 
-/// The kinds that have an option of their own: those with keys, but for the path, whose points come from a file.
-fn offered(registry: &Registry) -> impl Iterator<Item = &Kind> {
-    registry.references.kinds().filter(|kind| !kind.keys.is_empty() && kind.name != "path")
-}
-
 impl ReferenceChoice {
     /// The command with an option for each kind that has keys. One whose name is an option already is reached by a file.
     pub fn options(command: Command, registry: &Registry) -> Command {
         let option = |name: &'static str| Arg::new(name).long(name).group(GROUP).help_heading("Motion");
-        let taken: Vec<String> =
-            command.get_arguments().filter_map(|taken| taken.get_long().map(str::to_owned)).collect();
-        let shapes =
-            offered(registry).filter(|kind| !taken.iter().any(|taken| taken == kind.name)).map(|kind| {
-                let help = format!("{}; takes {}", kind.meaning, keys(kind));
-                option(kind.name).value_name("KEY=VALUE,...").help(help)
-            });
-        command
+        let command = command
             .group(ArgGroup::new(GROUP).multiple(false))
             .arg(
                 option("reference")
@@ -53,7 +41,15 @@ impl ReferenceChoice {
                 option("path")
                     .value_name("FILE")
                     .help("A file of path points, lines of (t, x, y, heading) in s, m and rad"),
-            )
+            );
+        let taken: Vec<String> =
+            command.get_arguments().filter_map(|taken| taken.get_long().map(str::to_owned)).collect();
+        let kinds = registry.references.kinds().filter(|kind| !kind.keys.is_empty());
+        let shapes = kinds.filter(|kind| !taken.iter().any(|taken| taken == kind.name)).map(|kind| {
+            let help = format!("{}; takes {}", kind.meaning, keys(kind));
+            option(kind.name).value_name("KEY=VALUE,...").help(help)
+        });
+        command
             .args(shapes)
             .arg(
                 Arg::new("timing")
@@ -116,10 +112,7 @@ impl ReferenceChoice {
                 let text = small_file::text(Path::new(value))?;
                 read_reference(&text, value, Path::new(value).parent().unwrap_or(Path::new("")))
             }
-            "path" => {
-                let points_file = Some(absolute(value)?);
-                ReferenceTable { kind: Some("path".to_owned()), points_file, ..Default::default() }.into()
-            }
+            "path" => ReferenceTable::path_of_file(absolute(value)?).into(),
             name => shape(&registry.references.find(Some(name))?.0, value).map_err(WrongUsage)?,
         };
         if let Some(name) = &self.correction {
