@@ -217,7 +217,7 @@ impl RobotInfo {
                 problems.iter().map(ToString::to_string).collect::<Vec<_>>().join("; ")
             })?;
         // What files said is in the table: nobody needs them any more.
-        Ok((ReferenceTable { points_file: None, correction_file: None, drawing_file: None, ..table }, made))
+        Ok((self.registry.with_files(table, |_| None), made))
     }
 
     /// What is drawn of a reference: one that is made for it, for drawing leaves its traces in it.

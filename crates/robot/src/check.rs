@@ -31,8 +31,7 @@ use std::fmt::Display;
 
 use crate::ability::{Ability, WheelFacts};
 use crate::config::*;
-use crate::references::Drawing;
-use crate::registry::{Kind, Made, Registry, StageError};
+use crate::registry::{FileContent, Key, Kind, Made, Registry, StageError};
 use crate::signals::Quantity;
 use crate::stages::Reference;
 use kind_keys::Given;
@@ -282,7 +281,7 @@ impl Check {
         Some(table)
     }
 
-    /// A reference with its path points read, and its kind by name.
+    /// A reference with its files read, and its kind by name.
     fn reference(
         &mut self,
         mut table: ReferenceTable,
@@ -292,53 +291,36 @@ impl Check {
         let kinds = &registry.references;
         let (kind, _) = self.known(kinds, "reference.kind", table.kind.as_deref())?;
         table.kind = Some(kind.name.to_owned());
-        let ReferenceTable {
-            points,
-            points_file,
-            correction,
-            correction_file,
-            drawing,
-            drawing_file,
-            unit_m,
-            ..
-        } = &mut table;
-        let of =
-            |file: &Option<String>, key| file.clone().filter(|_| kind.reads(key)).map(|name| (name, key));
-        let read_points = |name: &str| crate::references::read_points(&read_file(name)?);
-        self.read_in_place(points, "points", of(points_file, "points_file"), read_points)?;
-        self.read_in_place(correction, "correction", of(correction_file, "correction_file"), read_points)?;
-        let read_drawing = |name: &str| crate::references::read_drawing(&read_file(name)?);
-        let mut drawn = drawing.take().map(|data| Drawing { data, unit_m: None });
-        self.read_in_place(&mut drawn, "drawing", of(drawing_file, "drawing_file"), read_drawing)?;
-        *unit_m = unit_m.or(drawn.as_ref().and_then(|drawn| drawn.unit_m));
-        *drawing = drawn.map(|drawn| drawn.data);
+        let given = Given::of(&table);
+        for (key, content) in kind.files() {
+            self.read_in_place(&given, key, content, &mut table, read_file)?;
+        }
         self.keys(kind, &Given::of(&table), &kinds.sort);
         Some(table)
     }
 
-    /// A key of the reference from the file that stands in its place; `None` where that can't be read.
-    fn read_in_place<T>(
+    /// A reference's table with what the file gives that a key names; `None` where that can't be read.
+    fn read_in_place(
         &mut self,
-        value: &mut Option<T>,
-        key: &str,
-        file: Option<(String, &str)>,
-        read: impl Fn(&str) -> Result<T, String>,
+        given: &Given,
+        key: &Key,
+        content: &FileContent,
+        table: &mut ReferenceTable,
+        read_file: ReadFile<'_>,
     ) -> Option<()> {
-        let Some((name, file_key)) = file else { return Some(()) };
+        let (file_key, key) = (key.path(), key.beside(content.instead_of));
+        let Some(name) = given.get(&file_key) else { return Some(()) };
         let setting = format!("reference.{file_key}");
-        if value.is_some() {
+        if given.has(&key) {
             let reason = format!("give `{key}` or `{file_key}`, not both");
             self.report(ProblemKind::Contradiction, &setting, reason);
         }
-        match read(&name) {
-            Ok(read) => *value = Some(read),
-            Err(reason) => {
-                let problem = self.report(ProblemKind::File, &setting, reason);
-                problem.value = Some(format!("\"{name}\""));
-                return None;
-            }
+        let file = name.as_str().ok_or_else(|| "expected a file's name".to_owned());
+        let read = file.and_then(read_file).and_then(|text| (content.read)(&text, table));
+        if let Err(reason) = &read {
+            self.report(ProblemKind::File, &setting, reason).value = Some(name.to_string());
         }
-        Some(())
+        read.ok()
     }
 
     /// What the limits don't let the platform reach in its time is refused beforehand.
@@ -352,16 +334,15 @@ impl Check {
             return None;
         }
         let mut made = registry.make_reference(table, ability);
-        for (file, key) in [
-            (&table.points_file, "points"),
-            (&table.correction_file, "correction"),
-            (&table.drawing_file, "drawing"),
-        ] {
-            let (Err(error), Some(file)) = (&mut made, file) else { continue };
-            let of_it = format!("reference.{key}");
-            for problem in error.0.iter_mut().filter(|problem| problem.setting.starts_with(&of_it)) {
-                problem.setting = format!("{of_it}_file");
-                problem.value = Some(format!("\"{file}\""));
+        if let (Err(error), Ok((kind, _))) = (&mut made, registry.references.find(table.kind.as_deref())) {
+            let given = Given::of(table);
+            for (key, content) in kind.files() {
+                let Some(file) = given.get(&key.path()) else { continue };
+                let of_it = format!("reference.{}", key.beside(content.instead_of));
+                for problem in error.0.iter_mut().filter(|problem| problem.setting.starts_with(&of_it)) {
+                    problem.setting = format!("reference.{}", key.path());
+                    problem.value = Some(file.to_string());
+                }
             }
         }
         self.made(made)

@@ -15,14 +15,12 @@ use omnibase_trajectory::{
     SpeedRule, Trajectory,
 };
 
-pub(crate) use curves::{Drawing, read_drawing};
-
 use crate::ability::{Ability, ROOM};
 use crate::config::{
     AtObstacles, EndlessName, HeadingName, InterpolationName, Limits, PathFrame, Problem, ReferenceTable,
     Timing, Turns, motion_limits,
 };
-use crate::registry::{Kind, Made, Registry, StageError, given, needed, optional};
+use crate::registry::{Key, Kind, Made, Registry, StageError, given, needed, optional};
 use crate::signals::{ReferenceStatus, Setpoint};
 use crate::stages::{PlannedFor, Reference};
 
@@ -58,7 +56,13 @@ impl ReferenceTable {
 }
 
 /// The keys of what repeats taught.
-const CORRECTION: [&str; 2] = ["correction", "correction_file"];
+fn correction_keys() -> [Key; 2] {
+    let file = optional("correction_file").file("correction", |text, table| {
+        table.correction = Some(read_points(text)?);
+        Ok(())
+    });
+    [optional("correction"), file]
+}
 
 /// A geometric shape by its name.
 struct ShapeKind {
@@ -123,8 +127,8 @@ pub fn register(registry: &mut Registry) {
         });
     for shape in SHAPES {
         let further = ["duration_s", "period_s", "turns", "heading", "timing", "frame", "obstacles"];
-        let further = further.into_iter().chain(SPEEDS).chain(CORRECTION);
-        let keys = shape.needs.iter().copied().map(needed).chain(further.map(optional)).collect();
+        let further = further.into_iter().chain(SPEEDS).map(optional).chain(correction_keys());
+        let keys = shape.needs.iter().copied().map(needed).chain(further).collect();
         references.add(Kind { name: shape.name, meaning: shape.meaning, keys }, move |table, ability| {
             Tracked::new(shape.trajectory(table, ability)?, table, ability)
         });
@@ -135,7 +139,10 @@ pub fn register(registry: &mut Registry) {
             meaning: "A path through points with their times",
             keys: [
                 needed("points"),
-                optional("points_file"),
+                optional("points_file").file("points", |text, table| {
+                    table.points = Some(read_points(text)?);
+                    Ok(())
+                }),
                 optional("interpolation"),
                 optional("heading"),
                 optional("timing"),
@@ -145,7 +152,7 @@ pub fn register(registry: &mut Registry) {
             ]
             .into_iter()
             .chain(SPEEDS.map(optional))
-            .chain(CORRECTION.map(optional))
+            .chain(correction_keys())
             .collect(),
         },
         |table, ability| Tracked::new(path(table, ability)?, table, ability),
@@ -421,7 +428,7 @@ fn in_frame(trajectory: impl Trajectory + Send + 'static, table: &ReferenceTable
 }
 
 /// Reads a file of path points.
-pub(crate) fn read_points(text: &str) -> Result<Vec<[f64; 4]>, String> {
+fn read_points(text: &str) -> Result<Vec<[f64; 4]>, String> {
     Ok(lines_of(&PathPoints::parse(text).map_err(|error| error.to_string())?))
 }
 

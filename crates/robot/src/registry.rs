@@ -5,6 +5,7 @@
 //! categories, clock sources, units) is an enum in [`config`](crate::config): that is one list already.
 
 mod describe;
+mod files;
 mod kind;
 
 use std::fmt::Display;
@@ -21,6 +22,7 @@ use crate::config::{
 };
 use crate::signals::Carries;
 use crate::stages::{Controller, Device, Estimator, Peripheral, Reference};
+pub use files::{FileContent, ReadContent};
 use kind::{CONTROLLER, DEVICE, ESTIMATOR, EVENT, LAYOUT, PERIPHERAL, RECEIVER, REFERENCE};
 pub use kind::{Custom, Key, Kind, Sort, needed, optional};
 

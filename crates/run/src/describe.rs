@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use omnibase_robot::Registry;
 use omnibase_robot::config::{ReferenceTable, SensorPlan};
 use omnibase_robot::guard::Obstacle;
 
@@ -13,12 +14,12 @@ use crate::simulated;
 const MOST_RECTANGLES: usize = 2000;
 
 /// Everything about a run that doesn't change with its cycles.
-pub fn description(robot: &LoadedRobot) -> BTreeMap<String, String> {
+pub fn description(robot: &LoadedRobot, registry: &Registry) -> BTreeMap<String, String> {
     let plan = &robot.plan;
     let mut all = robot.description.clone();
     let mut tell = |key: &str, value: String| all.insert(key.to_owned(), value);
     tell("robot", plan.name.clone());
-    tell("reference", reference_words(&plan.reference));
+    tell("reference", reference_words(&plan.reference, registry));
     tell("mode", plan.controller.kind.clone().unwrap_or_default());
     tell("version", env!("CARGO_PKG_VERSION").to_owned());
     let wheels = plan.kinematics.wheels();
@@ -75,15 +76,21 @@ fn corners(corners_m: &[[f64; 2]]) -> String {
 
 /// A reference in a few words, such as `circle, radius 0.5 m, duration 10 s`: its kind, and its keys that are numbers or
 /// words.
-fn reference_words(table: &ReferenceTable) -> String {
+fn reference_words(table: &ReferenceTable, registry: &Registry) -> String {
     let mut words = table.kind.clone().unwrap_or_default();
-    let Ok(toml::Value::Table(keys)) = toml::Value::try_from(table) else { return words };
+    let Ok(toml::Value::Table(mut keys)) = toml::Value::try_from(table) else { return words };
+    let Ok((kind, _)) = registry.references.find(table.kind.as_deref()) else { return words };
+    for (key, content) in kind.files() {
+        let Some(toml::Value::String(file)) = keys.remove(key.name) else { continue };
+        // What it stands for was read from it.
+        keys.remove(content.instead_of);
+        let is_needed = kind.keys.iter().any(|key| key.is_needed && key.name == content.instead_of);
+        let key = if is_needed { String::new() } else { format!(", {}", key.name.replace('_', " ")) };
+        // Of a file its name says enough.
+        words.push_str(&format!("{key} {}", file.rsplit('/').next().unwrap_or(&file)));
+    }
     for (key, value) in keys.iter().filter(|(key, _)| *key != "kind") {
         let word = match value {
-            // Of a file its name says enough.
-            toml::Value::String(text) if key.ends_with("_file") => {
-                text.rsplit('/').next().unwrap_or(text).to_owned()
-            }
             toml::Value::String(text) => text.replace('_', " "),
             toml::Value::Float(number) => number.to_string(),
             _ => continue,
@@ -91,11 +98,7 @@ fn reference_words(table: &ReferenceTable) -> String {
         let unit = [("_m", " m"), ("_s", " s")].into_iter().find(|(end, _)| key.ends_with(end));
         let (end, unit) = unit.unwrap_or_default();
         let name = key.trim_end_matches(end).replace('_', " ");
-        words.push_str(&if key == "points_file" {
-            format!(" {word}")
-        } else {
-            format!(", {name} {word}{unit}")
-        });
+        words.push_str(&format!(", {name} {word}{unit}"));
     }
     words
 }
@@ -106,15 +109,24 @@ mod tests {
 
     #[test]
     fn a_reference_has_few_words() {
+        let registry = Registry::with_built_in();
         let circle =
             ReferenceTable { kind: Some("circle".into()), radius_m: Some(0.5), ..Default::default() };
-        assert_eq!(reference_words(&circle), "circle, radius 0.5 m");
+        assert_eq!(reference_words(&circle, &registry), "circle, radius 0.5 m");
         let path = ReferenceTable {
-            kind: Some("path".into()),
             points_file: Some("/robots/square.dat".into()),
-            points: Some(vec![[0.0; 4]]),
+            ..ReferenceTable::path(vec![[0.0; 4]])
+        };
+        assert_eq!(reference_words(&path, &registry), "path square.dat");
+        let drawing = ReferenceTable {
+            kind: Some("drawing".into()),
+            drawing_file: Some("way.svg".into()),
+            drawing: Some("M 0 0 L 1 0".into()),
+            correction_file: Some("/taught/way.dat".into()),
+            unit_m: Some(0.02),
             ..Default::default()
         };
-        assert_eq!(reference_words(&path), "path square.dat");
+        let expected = "drawing way.svg, correction file way.dat, unit 0.02 m";
+        assert_eq!(reference_words(&drawing, &registry), expected);
     }
 }

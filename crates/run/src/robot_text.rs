@@ -139,16 +139,13 @@ pub fn from_description(
 }
 
 /// A reference file, as text with the name by which problems call it; the files that it names stand in a folder.
-pub fn read_reference(text: &str, name: &str, folder: &Path) -> Source<ReferenceTable> {
-    let mut source = Source::read_reference(text, name);
-    let beside = |name: String| {
-        std::path::absolute(folder.join(&name)).map_or(name, |path| path.to_string_lossy().into_owned())
+pub fn read_reference(text: &str, name: &str, folder: &Path, registry: &Registry) -> Source<ReferenceTable> {
+    let Source { file, locations, problems } = Source::read_reference(text, name);
+    let beside = |name: &str| {
+        let place = std::path::absolute(folder.join(name));
+        Some(place.map_or_else(|_| name.to_owned(), |place| place.to_string_lossy().into_owned()))
     };
-    let ReferenceTable { points_file, correction_file, drawing_file, .. } = &mut source.file;
-    for file in [points_file, correction_file, drawing_file] {
-        *file = file.take().map(beside);
-    }
-    source
+    Source { file: registry.with_files(file, beside), locations, problems }
 }
 
 /// A file with the keys that the other one has.
@@ -216,7 +213,7 @@ mod tests {
         let text = RobotText {
             text: BMM.into(),
             changes: vec![format!("simulation.events_file = {:?}", folder.join("events.toml"))],
-            reference: Some(read_reference(table, "way.toml", &folder)),
+            reference: Some(read_reference(table, "way.toml", &folder, &registry)),
             ..Default::default()
         };
         let robot = text.load(&registry).unwrap();
@@ -246,9 +243,10 @@ mod tests {
     #[test]
     fn a_wrong_key_of_a_reference_file_has_its_place_there() {
         let problems = |text: &str| {
-            let reference = Some(read_reference(text, "ring.toml", Path::new("")));
+            let registry = Registry::with_built_in();
+            let reference = Some(read_reference(text, "ring.toml", Path::new(""), &registry));
             let text = RobotText { text: BMM.into(), reference, ..Default::default() };
-            let problems = text.load(&Registry::with_built_in()).unwrap_err();
+            let problems = text.load(&registry).unwrap_err();
             problems.iter().map(ToString::to_string).collect::<Vec<_>>()
         };
         let circle = "kind = \"circle\"\nradius_m = 0.5\n";

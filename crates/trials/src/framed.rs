@@ -183,7 +183,7 @@ pub fn bring_up(text: &str) -> Result<Tracked, RunError> {
 pub fn record(text: &str, file: &Path) -> (Ran, RunRecorded) {
     let robot = loaded(text);
     let rows = Rows::new(&robot.plan.record_layout(), Known::Truth);
-    let description = omnibase_run::describe::description(&robot);
+    let description = omnibase_run::describe::description(&robot, &Registry::with_built_in());
     let files = RunFiles { mcap: Some(file.to_owned()), description, ..RunFiles::default() };
     let started = RunRecorder::start(&files, rows.schema(), OnFull::Wait);
     let (recorder, sink) = started.unwrap_or_else(|error| panic!("{error}"));

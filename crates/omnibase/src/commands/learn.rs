@@ -217,12 +217,9 @@ fn driven(
     std::fs::create_dir_all(folder).with_context(|| format!("creating `{}`", folder.display()))?;
     let name = |ending: &str| folder.join(format!("repeat-{}.{ending}", number + 1));
     let (path, recording) = (name("toml"), name("mcap"));
-    let table = ReferenceTable {
-        points_file: None,
-        drawing_file: None,
-        correction: Some(learner.next()),
-        ..plan.reference.clone()
-    };
+    // What files said is in the plan.
+    let table = registry.with_files(plan.reference.clone(), |_| None);
+    let table = ReferenceTable { correction: Some(learner.next()), ..table };
     let text = toml::to_string(&table).context("the motion as a reference")?;
     std::fs::write(&path, text).with_context(|| format!("writing `{}`", path.display()))?;
     note(format_args!("repeat {}", number + 1));

@@ -159,7 +159,8 @@ pub fn run(
         note(endless(files.as_ref()));
     }
     let mut page = arguments.page(files.as_ref())?;
-    let (recorder, recording) = arguments.recorder(&robot, &room, known, files, page.as_ref())?.unzip();
+    let (recorder, recording) =
+        arguments.recorder(&robot, &room, known, files, page.as_ref(), registry)?.unzip();
     // Without people a fault ends the run, and its end is told with the last frame there is.
     let fault = frames.as_ref().filter(|_| is_operated).map(LastFrames::told).unwrap_or_default();
     let progress = Progress { fault, ..Progress::default() };
@@ -399,11 +400,12 @@ impl Arguments {
         known: Known,
         files: Option<RunFiles>,
         page: Option<&Page>,
+        registry: &Registry,
     ) -> anyhow::Result<Option<(RunRecorder, (Rows, omnibase_record::run::RunSink))>> {
         let Some(mut files) = files.or_else(|| page.map(|_| RunFiles::default())) else { return Ok(None) };
         files.mcap = files.mcap.or_else(|| page.map(|page| page.recording().to_owned()));
         let rows = Rows::new(&robot.plan.record_layout(), known);
-        files.description = omnibase_run::describe::description(robot);
+        files.description = omnibase_run::describe::description(robot, registry);
         files.description.extend(omnibase_run::describe::of_room(room));
         files.description.extend(page::first_words());
         anyhow::ensure!(

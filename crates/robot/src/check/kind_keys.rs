@@ -24,6 +24,10 @@ impl Given {
         self.0.contains_key(key)
     }
 
+    pub(super) fn get(&self, key: &str) -> Option<&Value> {
+        self.0.get(key)
+    }
+
     /// The same with the keys of another table that this one doesn't give.
     pub(super) fn or(&self, other: &Given) -> Given {
         let mut keys = other.0.clone();

@@ -7,7 +7,7 @@ use crate::ability::Ability;
 use crate::config::{HeadingName, Problem, ReferenceTable, Timing};
 use crate::registry::{Kind, Made, Registry, given, needed, optional};
 
-use super::{AnyTrajectory, CORNER_RAD, CORRECTION, SPEEDS, Tracked, dxf, fastest_through};
+use super::{AnyTrajectory, CORNER_RAD, SPEEDS, Tracked, correction_keys, dxf, fastest_through};
 
 /// Without a degree a spline bends smoothly.
 const CUBIC: u32 = 3;
@@ -19,7 +19,7 @@ pub(super) const TURN_COUNTS_M: f64 = 0.02;
 pub(super) fn register(registry: &mut Registry) {
     let further = ["heading", "timing", "corner_m", "frame", "obstacles"];
     let keys = |own: &[crate::registry::Key]| {
-        let further = further.into_iter().chain(SPEEDS).chain(CORRECTION).map(optional);
+        let further = further.into_iter().chain(SPEEDS).map(optional).chain(correction_keys());
         own.iter().cloned().chain(further).collect()
     };
     let spline = [needed("controls"), optional("degree"), optional("weights"), optional("knots")];
@@ -27,7 +27,13 @@ pub(super) fn register(registry: &mut Registry) {
     registry.references.add(Kind { name: "nurbs", meaning, keys: keys(&spline) }, |table, ability| {
         tracked(&[spline_of(table)?], table, ability)
     });
-    let drawing = [needed("drawing"), optional("drawing_file"), needed("unit_m")];
+    let file = optional("drawing_file").file("drawing", |text, table| {
+        let drawing = read_drawing(text)?;
+        table.drawing = Some(drawing.data);
+        table.unit_m = table.unit_m.or(drawing.unit_m);
+        Ok(())
+    });
+    let drawing = [needed("drawing"), file, needed("unit_m")];
     let meaning = "A drawn way (an SVG path or a DXF polyline), as fast as the limits allow";
     registry.references.add(Kind { name: "drawing", meaning, keys: keys(&drawing) }, |table, ability| {
         let unit_m = given(table.unit_m, "unit_m")?;
@@ -97,15 +103,15 @@ fn curves_of(data: &str, unit_m: f64) -> Result<Vec<Nurbs>, String> {
 
 /// A drawn way.
 #[derive(Debug)]
-pub(crate) struct Drawing {
+pub(super) struct Drawing {
     /// Path data as SVG has them.
-    pub(crate) data: String,
+    pub(super) data: String,
     /// What one unit of it is, m, where its file says so.
-    pub(crate) unit_m: Option<f64>,
+    pub(super) unit_m: Option<f64>,
 }
 
 /// The one way in a file: an SVG file's path, or a DXF file's polyline.
-pub(crate) fn read_drawing(text: &str) -> Result<Drawing, String> {
+fn read_drawing(text: &str) -> Result<Drawing, String> {
     if text.trim_start_matches('\u{feff}').trim_start().starts_with('<') {
         Ok(Drawing { data: read_svg(text)?, unit_m: None })
     } else {

@@ -2,7 +2,7 @@
 
 use std::ops::RangeInclusive;
 
-use super::capital;
+use super::{FileContent, capital};
 
 /// One kind: what people read about it, and by what its table is checked.
 #[derive(Clone, Debug)]
@@ -16,7 +16,7 @@ pub struct Kind {
 }
 
 /// A key that a kind reads.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug)]
 pub struct Key {
     /// Its name.
     pub name: &'static str,
@@ -24,6 +24,8 @@ pub struct Key {
     pub is_needed: bool,
     /// A key of the table `custom`; `None` for those of the table itself, whose meaning and bounds stand there.
     pub custom: Option<Custom>,
+    /// What a file gives whose name is its value; `None` where it names none.
+    pub file: Option<FileContent>,
 }
 
 /// What a key of the table `custom` is.
@@ -37,7 +39,7 @@ pub struct Custom {
 
 /// A key that must be given.
 pub fn needed(name: &'static str) -> Key {
-    Key { name, is_needed: true, custom: None }
+    Key { name, is_needed: true, custom: None, file: None }
 }
 
 /// A key that may be given.
@@ -72,7 +74,12 @@ impl Key {
 
     /// Its name as seen from the table of its kind.
     pub fn path(&self) -> String {
-        format!("{}{}", if self.custom.is_some() { "custom." } else { "" }, self.name)
+        self.beside(self.name)
+    }
+
+    /// The name of another key of the same table, as seen from the table of its kind.
+    pub(crate) fn beside(&self, name: &str) -> String {
+        format!("{}{name}", if self.custom.is_some() { "custom." } else { "" })
     }
 }
 

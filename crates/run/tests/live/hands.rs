@@ -208,7 +208,7 @@ pub fn played_with(
     let files = RunFiles {
         mcap: Some(folder.join("run.mcap")),
         rotation: file_bytes.map(|file_bytes| Rotation { file_bytes, files: None }),
-        description: omnibase_run::describe::description(&robot),
+        description: omnibase_run::describe::description(&robot, registry),
         ..RunFiles::default()
     };
     let (recorder, sink) = RunRecorder::start(&files, rows.schema(), OnFull::Wait).unwrap();

@@ -110,10 +110,10 @@ impl ReferenceChoice {
         let mut chosen = match option.as_str() {
             "reference" => {
                 let text = small_file::text(Path::new(value))?;
-                read_reference(&text, value, Path::new(value).parent().unwrap_or(Path::new("")))
+                read_reference(&text, value, Path::new(value).parent().unwrap_or(Path::new("")), registry)
             }
             "path" => ReferenceTable::path_of_file(absolute(value)?).into(),
-            name => shape(&registry.references.find(Some(name))?.0, value).map_err(WrongUsage)?,
+            name => shape(name, value, registry).map_err(WrongUsage)?,
         };
         if let Some(name) = &self.correction {
             chosen.file.correction_file = Some(absolute(name)?);
@@ -152,7 +152,8 @@ fn parts(text: &str) -> Vec<&str> {
 }
 
 /// A motion of a kind from `key=value,key=value`: its keys by their names in the file.
-fn shape(kind: &Kind, text: &str) -> anyhow::Result<Source<ReferenceTable>> {
+fn shape(name: &str, text: &str, registry: &Registry) -> anyhow::Result<Source<ReferenceTable>> {
+    let (kind, _) = registry.references.find(Some(name))?;
     let mut lines = format!("kind = {:?}\n", kind.name);
     for part in parts(text).into_iter().filter(|part| !part.trim().is_empty()) {
         let wanted = || format!("`{}`: --{} takes {}", part.trim(), kind.name, keys(kind));
@@ -168,7 +169,7 @@ fn shape(kind: &Kind, text: &str) -> anyhow::Result<Source<ReferenceTable>> {
         lines.push('\n');
     }
     // Files are named from where the command is given.
-    let Source { file, problems, .. } = read_reference(&lines, "", Path::new(""));
+    let Source { file, problems, .. } = read_reference(&lines, "", Path::new(""), registry);
     if problems.is_empty() {
         return Ok(file.into());
     }
@@ -183,8 +184,7 @@ mod tests {
     use omnibase_robot::config::{EndlessName, Turns};
 
     fn read(kind: &str, keys: &str) -> anyhow::Result<ReferenceTable> {
-        let registry = Registry::with_built_in();
-        Ok(shape(&registry.references.find(Some(kind))?.0, keys)?.file)
+        Ok(shape(kind, keys, &Registry::with_built_in())?.file)
     }
 
     #[test]

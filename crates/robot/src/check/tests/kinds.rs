@@ -3,7 +3,7 @@
 use super::*;
 use crate::registry::{Key, needed, optional};
 use crate::signals::{Commands, CycleTime, PlatformState, Quantity, Setpoint};
-use crate::stages::Controller;
+use crate::stages::{Controller, Reference};
 
 /// A controller that commands something, and nothing more.
 struct Commanding(Quantity);
@@ -14,6 +14,15 @@ impl Controller for Commanding {
     }
     fn update(&mut self, _: &CycleTime, _: &PlatformState, _: &Setpoint) -> Commands {
         Commands::default()
+    }
+}
+
+/// A reference that stays where it is.
+struct Still;
+
+impl Reference for Still {
+    fn sample(&mut self, _: f64) -> Setpoint {
+        Setpoint::default()
     }
 }
 
@@ -32,6 +41,55 @@ fn with_own_kinds(text: &str) -> Result<RobotPlan, Vec<Problem>> {
         Ok(omnibase_platform::layout::omni(3, 0.4, 0.1, 0.0))
     });
     RobotPlan::from_toml(text, &registry, &no_files)
+}
+
+/// A reference of one's own reads a file as the built-in ones do, and what is wrong in it is said of the file.
+#[test]
+fn a_users_reference_may_have_a_file() {
+    let file = optional("speeds_file").value("A file in place of `speeds`").file("speeds", |text, table| {
+        let speeds = text.split_whitespace().map(str::parse).collect::<Result<Vec<f64>, _>>();
+        table.custom.0.insert("speeds".into(), speeds.map_err(|error| error.to_string())?.into());
+        Ok(())
+    });
+    let keys = vec![needed("speeds").value("Speeds, m/s"), file];
+    let mut registry = Registry::with_built_in();
+    registry.references.add(Kind { name: "own", meaning: "For a test", keys }, |table, _| {
+        match table.custom.0.get("speeds").and_then(|speeds| speeds[0].as_f64()) {
+            Some(0.0) => Ok(Still),
+            found => Err(Problem::refused("custom.speeds", format!("expected 0, found {found:?}")).into()),
+        }
+    });
+    let read = |name: &str| match name {
+        "still.dat" => Ok("0 0".to_owned()),
+        "fast.dat" => Ok("3".to_owned()),
+        "words.dat" => Ok("three".to_owned()),
+        other => Err(format!("no file {other}")),
+    };
+    let of = |custom: &str| {
+        let text = format!("{BMM}\n[reference]\nkind = 'own'\ncustom = {{ {custom} }}\n");
+        RobotPlan::from_toml(&text, &registry, &read).map_err(|problems| show(&problems))
+    };
+    let plan = of("speeds_file = 'still.dat'").unwrap();
+    assert_eq!(plan.reference.custom.0["speeds"], serde_json::json!([0.0, 0.0]));
+    let names = |table: ReferenceTable| table.custom.0.get("speeds_file").cloned();
+    let beside = |name: &str| Some(format!("there/{name}"));
+    assert_eq!(names(registry.with_files(plan.reference.clone(), beside)), Some("there/still.dat".into()));
+    assert_eq!(names(registry.with_files(plan.reference, |_| None)), None);
+    for (custom, setting, says) in [
+        ("speeds_file = 'none.dat'", "speeds_file = \"none.dat\"", "no file none.dat"),
+        ("speeds_file = 'words.dat'", "speeds_file = \"words.dat\"", "invalid float literal"),
+        ("speeds_file = 'fast.dat'", "speeds_file = \"fast.dat\"", "expected 0, found Some(3.0)"),
+        ("speeds_file = 1", "speeds_file = 1", "expected a file's name"),
+        (
+            "speeds = [0], speeds_file = 'still.dat'",
+            "speeds_file",
+            "give `custom.speeds` or `custom.speeds_file`, not both",
+        ),
+        ("speeds = [3]", "speeds", "expected 0, found Some(3.0)"),
+    ] {
+        let told = of(custom).expect_err(custom);
+        assert!(told.contains(&format!("reference.custom.{setting}: {says}")), "{custom}: {told}");
+    }
 }
 
 #[test]
