@@ -3,10 +3,10 @@
 //! `cargo run --release -p omnibase-trials --example accuracy [laws]`
 
 use omnibase_trials::framed::cases;
-use omnibase_trials::laws::asked;
+use omnibase_trials::laws::{ALL, asked};
 
 fn main() {
-    let (laws, _) = asked(&["open_loop", "closed_loop_speed", "adaptive_torque", "disturbance_observer"]);
+    let (laws, _) = asked(&ALL);
     println!(
         "| robot | path | law | treads | creep | m̂ at start | m̂ at end | believed RMS mm | true RMS mm | true final mm | keeps |"
     );

@@ -3,7 +3,7 @@
 //! `cargo run --release -p omnibase-trials --example fast [random paths] [laws]`
 
 use omnibase_trials::fast::{Case, HEADING, MOTIONS, random_path};
-use omnibase_trials::laws::asked;
+use omnibase_trials::laws::{CLOSED, asked};
 use omnibase_trials::robots::{BMM, MECANUM};
 
 /// What is told of floors, and what they are: three that are as they were told, and three that aren't.
@@ -17,7 +17,7 @@ const FLOORS: [(f64, [f64; 2]); 6] = [
 ];
 
 fn main() {
-    let (laws, words) = asked(&["closed_loop_speed", "adaptive_torque", "disturbance_observer"]);
+    let (laws, words) = asked(&CLOSED);
     let paths = words.first().map_or(10, |count| count.parse().expect("a number of random paths"));
     let random = (1..=paths).map(|seed| (format!("random {seed}"), random_path(seed)));
     let motions: Vec<(String, String)> = MOTIONS

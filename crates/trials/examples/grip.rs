@@ -7,22 +7,14 @@
 use omnibase_robot_sim::Tread;
 use omnibase_trials::framed::Treads;
 use omnibase_trials::grip::{Case, HEADING, SIDE_S};
-use omnibase_trials::laws::asked;
+use omnibase_trials::laws::{CLOSED, asked};
 
 /// A control law, and what it is told of the treads.
 type Law = (&'static str, Treads);
 
-const LAWS: [Law; 5] = [
-    ("closed_loop_speed", Treads::Unknown),
-    ("adaptive_torque", Treads::Unknown),
-    ("adaptive_torque", Treads::Stiff),
-    ("disturbance_observer", Treads::Unknown),
-    ("disturbance_observer", Treads::Stiff),
-];
-
 fn main() {
-    let (names, words) = asked(&LAWS.map(|(law, _)| law));
-    let laws: Vec<Law> = LAWS.into_iter().filter(|(law, _)| names.contains(law)).collect();
+    let (names, words) = asked(&CLOSED);
+    let laws: Vec<Law> = Treads::by_law(&names).collect();
     let mut numbers = words.iter().map(|text| text.parse::<u64>().expect("a number"));
     println!("{HEADING}");
     let Some(cases) = numbers.next() else { return table(&laws) };

@@ -2,12 +2,12 @@
 //!
 //! `cargo run --release -p omnibase-trials --example hour [seconds] [laws]`
 
-use omnibase_trials::laws::{asked, is_of_torque};
+use omnibase_trials::laws::{CLOSED, asked, is_of_torque};
 use omnibase_trials::{Run, Trial, plan_of, robots};
 use std::time::Instant;
 
 fn main() {
-    let (laws, words) = asked(&["closed_loop_speed", "adaptive_torque", "disturbance_observer"]);
+    let (laws, words) = asked(&CLOSED);
     let seconds: f64 = words.first().map_or(3600.0, |text| text.parse().expect("seconds"));
     let starts = |law: &'static str| -> &[f64] { if is_of_torque(law) { &[0.5, 1.5] } else { &[1.0] } };
     println!(

@@ -5,7 +5,7 @@
 
 use std::path::Path;
 
-use omnibase_trials::laws::asked;
+use omnibase_trials::laws::{CLOSED, asked};
 use omnibase_trials::mujoco::{self, MujocoPlant};
 use omnibase_trials::robots::BMM;
 use omnibase_trials::slip::{Case, Slid};
@@ -13,7 +13,7 @@ use omnibase_trials::slip::{Case, Slid};
 fn main() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../target/mujoco");
     let python = mujoco::python(&folder).expect("a Python with MuJoCo");
-    let (laws, words) = asked(&["closed_loop_speed", "adaptive_torque", "disturbance_observer"]);
+    let (laws, words) = asked(&CLOSED);
     let only: Option<f64> = words.first().map(|text| text.parse().expect("a number"));
     println!(
         "| law | path | speed | friction | payload kg | plant | believed RMS mm | true RMS mm | true final mm | greatest torque N·m | longest slip mm | slip told at s | end |"

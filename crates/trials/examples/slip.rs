@@ -2,12 +2,12 @@
 //!
 //! `cargo run --release -p omnibase-trials --example slip [laws]`
 
-use omnibase_trials::laws::asked;
+use omnibase_trials::laws::{ALL, asked};
 use omnibase_trials::robots::{BMM, MECANUM};
 use omnibase_trials::slip::{Case, HEADING};
 
 fn main() {
-    let (laws, _) = asked(&["open_loop", "closed_loop_speed", "adaptive_torque", "disturbance_observer"]);
+    let (laws, _) = asked(&ALL);
     for (name, robot) in [("bmm", BMM), ("mecanum", MECANUM)] {
         println!("\n{name}\n\n{HEADING}");
         for &law in &laws {

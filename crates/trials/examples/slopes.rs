@@ -5,7 +5,7 @@
 
 use omnibase_robot::signals::SafetyReason;
 use omnibase_trials::fast;
-use omnibase_trials::laws::{asked, is_of_torque};
+use omnibase_trials::laws::{CLOSED, asked, is_of_torque};
 use omnibase_trials::robots::{BMM, MECANUM};
 use omnibase_trials::slip::{LEAST_M, Slid};
 
@@ -13,7 +13,7 @@ const SQUARE: &str = "points = [[0, 0, 0, 0], [5, 2, 0, 0], [10, 2, 2, 0], [15, 
 const DIRECTIONS: u32 = 8;
 
 fn main() {
-    let (laws, words) = asked(&["closed_loop_speed", "adaptive_torque", "disturbance_observer"]);
+    let (laws, words) = asked(&CLOSED);
     let rests = words.first().map_or(0, |count| count.parse().expect("a number of cycles"));
     let motions = [
         "kind = \"circle\"\nradius_m = 0.4\nduration_s = 6.3".to_owned(),

@@ -3,11 +3,11 @@
 //!
 //! `cargo run --release -p omnibase-trials --example wiring`
 
-use omnibase_trials::laws::asked;
-use omnibase_trials::wiring::{Case, Fault, LAWS, PATHS};
+use omnibase_trials::laws::{ALL, asked};
+use omnibase_trials::wiring::{Case, Fault, PATHS};
 
 fn main() {
-    let (laws, mut words) = asked(&LAWS);
+    let (laws, mut words) = asked(&ALL);
     let gyro = words.iter().any(|word| word == "gyro").then_some(1.002);
     words.retain(|word| word != "gyro");
     let robots: u64 = words.first().map_or(100, |number| number.parse().expect("a number of robots"));

@@ -11,7 +11,7 @@ use omnibase_run::channels::{Known, Rows};
 use omnibase_run::simulated::Script;
 use omnibase_run::{LoadedRobot, Progress, Ran, RobotText, RunError, Setup, run, simulated};
 
-use crate::laws::is_of_torque;
+use crate::laws::{ALL, CLOSED, is_of_torque};
 use crate::robots;
 
 /// A robot, a path, a control law and what it is told of the mass: a row of `docs/accuracy.md`.
@@ -58,6 +58,15 @@ impl Treads {
             Treads::Stiff => "stiff",
         }
     }
+
+    /// Laws with what each of them can be told of the treads.
+    pub fn by_law(laws: &[&'static str]) -> impl Iterator<Item = (&'static str, Treads)> {
+        laws.iter().flat_map(|&law| {
+            let told: &[Treads] =
+                if is_of_torque(law) { &[Treads::Unknown, Treads::Stiff] } else { &[Treads::Unknown] };
+            told.iter().map(move |&treads| (law, treads))
+        })
+    }
 }
 
 /// Time of a figure of eight, s: a little more than the limit on turning asks for.
@@ -68,24 +77,15 @@ pub fn cases() -> Vec<Case> {
     let mut cases = Vec::new();
     for robot in ["bmm", "mecanum"] {
         for path in ["circle", "square"] {
-            for (law, estimate, treads, creep) in [
-                ("open_loop", 1.0, Treads::Unknown, Creep::Ignored),
-                ("closed_loop_speed", 1.0, Treads::Unknown, Creep::Ignored),
-                ("adaptive_torque", 0.5, Treads::Unknown, Creep::Ignored),
-                ("adaptive_torque", 1.5, Treads::Unknown, Creep::Ignored),
-                ("adaptive_torque", 0.5, Treads::Stiff, Creep::Ignored),
-                ("adaptive_torque", 1.5, Treads::Stiff, Creep::Ignored),
-                ("disturbance_observer", 0.5, Treads::Unknown, Creep::Ignored),
-                ("disturbance_observer", 1.5, Treads::Unknown, Creep::Ignored),
-                ("disturbance_observer", 0.5, Treads::Stiff, Creep::Ignored),
-                ("disturbance_observer", 1.5, Treads::Stiff, Creep::Ignored),
-                ("closed_loop_speed", 1.0, Treads::Unknown, Creep::MadeUpFor),
-                ("adaptive_torque", 0.5, Treads::Stiff, Creep::MadeUpFor),
-                ("adaptive_torque", 1.5, Treads::Stiff, Creep::MadeUpFor),
-                ("disturbance_observer", 0.5, Treads::Stiff, Creep::MadeUpFor),
-                ("disturbance_observer", 1.5, Treads::Stiff, Creep::MadeUpFor),
-            ] {
-                cases.push(Case { robot, path, law, estimate, treads, creep });
+            for (laws, creep) in [(&ALL, Creep::Ignored), (&CLOSED, Creep::MadeUpFor)] {
+                for (law, treads) in Treads::by_law(laws) {
+                    if creep == Creep::MadeUpFor && is_of_torque(law) && treads == Treads::Unknown {
+                        continue;
+                    }
+                    let estimates: &[f64] = if is_of_torque(law) { &[0.5, 1.5] } else { &[1.0] };
+                    let case = |&estimate| Case { robot, path, law, estimate, treads, creep };
+                    cases.extend(estimates.iter().map(case));
+                }
             }
         }
         for creep in [Creep::Ignored, Creep::MadeUpFor] {

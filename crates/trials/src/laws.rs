@@ -1,11 +1,33 @@
-//! The control laws of the tables, and those that an example is asked for.
+//! The control laws of the tables, as the registry has them, and those that an example is asked for.
+
+use std::sync::LazyLock;
+
+use omnibase_robot::Registry;
+use omnibase_robot::signals::Quantity;
+
+use crate::plan_of;
+use crate::robots::{BMM, with_payload};
+
+/// All laws.
+pub static ALL: LazyLock<Vec<&'static str>> = LazyLock::new(|| Registry::with_built_in().controllers.names());
+
+/// Those that look at the pose.
+pub static CLOSED: LazyLock<Vec<&'static str>> =
+    LazyLock::new(|| ALL.iter().copied().filter(|law| *law != "open_loop").collect());
 
 /// The laws of torque.
-pub const OF_TORQUE: [&str; 2] = ["adaptive_torque", "disturbance_observer"];
+pub static OF_TORQUE: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
+    let registry = Registry::with_built_in();
+    let commands = |law: &str, quantity| {
+        let made = registry.make_controllers(&plan_of(&with_payload(BMM, law, 1.0, 0.0)));
+        made.unwrap_or_else(|error| panic!("{error}"))[0].quantity() == quantity
+    };
+    ALL.iter().copied().filter(|law| commands(law, Quantity::Torque)).collect()
+});
 
 /// Whether a law commands torques.
 pub fn is_of_torque(law: &str) -> bool {
-    OF_TORQUE.contains(&law)
+    OF_TORQUE.iter().any(|of_torque| *of_torque == law)
 }
 
 /// What an example is asked for on its command line: the laws that are named, all that it has where none is; and its other words.

@@ -8,10 +8,8 @@ use omnibase_robot_sim::{Payload, Wire, Wrench};
 use crate::approaches::Random;
 use crate::robots::{BMM, MECANUM, with_payload};
 use crate::sensed::GYRO;
-use crate::{Trial, plan_of};
+use crate::{Trial, laws, plan_of};
 
-/// The control laws.
-pub const LAWS: [&str; 4] = ["open_loop", "closed_loop_speed", "adaptive_torque", "disturbance_observer"];
 /// The paths.
 pub const PATHS: [&str; 5] = ["square", "circle", "eight", "tangent", "spiral"];
 
@@ -130,7 +128,7 @@ impl Case {
         let mut random = Random::new(seed ^ 0x317E_0000_0000_0000);
         let robot = ["bmm", "mecanum"][random.below(2) as usize];
         // The last law came later: robots of before keep theirs.
-        let (law, path) = (LAWS[random.below(3) as usize], PATHS[random.below(5) as usize]);
+        let (law, path) = (laws::ALL[random.below(3) as usize], PATHS[random.below(5) as usize]);
         let payload_kg = if random.below(3) == 0 { 0.0 } else { random.between(0.0, 200.0) };
         let friction = random.spread(0.08, 0.7);
         let at_m = [random.between(-0.12, 0.12), random.between(-0.08, 0.08)];

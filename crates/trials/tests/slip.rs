@@ -2,11 +2,9 @@
 
 use omnibase_robot::signals::SafetyReason;
 use omnibase_trials::fast;
-use omnibase_trials::laws::OF_TORQUE;
+use omnibase_trials::laws::{ALL, OF_TORQUE};
 use omnibase_trials::robots::{BMM, MECANUM};
 use omnibase_trials::slip::{Case, Slid};
-
-const LAWS: [&str; 4] = ["open_loop", "closed_loop_speed", "adaptive_torque", "disturbance_observer"];
 
 fn case(robot: &'static str, law: &'static str, path: &'static str) -> Case {
     let (faster, friction, payload_kg, off_centre_m) = (1.0, 0.5, 0.0, 0.0);
@@ -45,7 +43,7 @@ fn the_square_on_a_slippery_floor_ends_near_the_truth() {
 fn a_slippery_patch_under_the_circle_stops_the_robot() {
     // As wide as the robot, under the second quarter of the circle.
     let more = "\n[[simulation.patch]]\ncentre_m = [0.5, 0.5]\nradius_m = 0.6\nstatic_friction = 0.08\n";
-    for (law, gyro) in LAWS.into_iter().flat_map(|law| [(law, true), (law, false)]) {
+    for (law, gyro) in ALL.iter().flat_map(|&law| [(law, true), (law, false)]) {
         let case = Case { gyro, more: more.to_owned(), ..case(BMM, law, "circle") };
         let slid = case.ride();
         println!("{}", case.row(&slid));
@@ -72,7 +70,7 @@ fn many_short_slips_are_a_long_one() {
 #[test]
 fn what_grips_is_not_said_to_slip() {
     for robot in [BMM, MECANUM] {
-        for law in LAWS {
+        for &law in ALL.iter() {
             for path in ["square", "circle", "eight", "spiral"] {
                 for (payload_kg, off_centre_m) in [(0.0, 0.0), (150.0, 0.0), (60.0, 0.15)] {
                     let case = Case { payload_kg, off_centre_m, ..case(robot, law, path) };
@@ -341,7 +339,7 @@ fn by_speed_slip_is_told_where_nobody_knows_what_the_robot_weighs() {
 fn by_torque_a_floor_that_has_less_than_was_told_is_told_in_the_first_millimetres() {
     // 71 to 785 mm off where a wheel that turns alone isn't told: the floor gives what a lighter platform would need.
     for robot in [BMM, MECANUM] {
-        for law in OF_TORQUE {
+        for &law in OF_TORQUE.iter() {
             for (name, _) in fast::MOTIONS {
                 let slid = fast::Case { law, ..on_less(robot, name, [0.35, 0.3]) }.ride();
                 println!("{law}, {name}: {slid:?}");
@@ -355,7 +353,7 @@ fn by_torque_a_floor_that_has_less_than_was_told_is_told_in_the_first_millimetre
 
 #[test]
 fn by_torque_half_of_the_friction_that_was_told_is_told_on_a_slope_too() {
-    for law in OF_TORQUE {
+    for &law in OF_TORQUE.iter() {
         for name in ["square", "circle", "eight"] {
             for direction_rad in [0.1, 1.7, 3.2, 4.8] {
                 let level = fast::Case { law, ..on_less(BMM, name, [0.25, 0.2]) };

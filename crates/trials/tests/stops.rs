@@ -3,7 +3,7 @@
 use omnibase_robot::{Phase, RequestKind};
 use omnibase_trials::robots::{BMM, CIRCLE, MECANUM, SQUARE, with_payload};
 use omnibase_trials::stops::{Comeback, Stops};
-use omnibase_trials::{Trial, plan_of};
+use omnibase_trials::{Trial, laws, plan_of};
 
 /// What one robot with one policy did in each of 70 cases, its own, once what was lost was back.
 fn comebacks(robot: &str, seed: u64, policy: &str, after: &str) -> Vec<Comeback> {
@@ -46,7 +46,7 @@ fn every_wheel_stops_in_time_whatever_is_lost() {
 fn who_is_held_fast_and_stopped_for_it_stays_when_he_is_let_go() {
     // By up to half a metre, in the stop, where a stop drives after the setpoint that it was left behind by.
     for robot in [BMM, MECANUM] {
-        for law in ["open_loop", "closed_loop_speed", "adaptive_torque", "disturbance_observer"] {
+        for law in laws::ALL.iter() {
             let mut trial = Trial::new(plan_of(&(with_payload(robot, law, 1.0, 0.0) + SQUARE)));
             trial.enable();
             let hold = |trial: &Trial, torque_n_m: f64| {

@@ -1,7 +1,8 @@
 //! Robots that aren't as their file says are named before they are far; those that are never are.
 
 use omnibase_robot::signals::SafetyReason;
-use omnibase_trials::wiring::{Case, Fault, LAWS, Named, PATHS};
+use omnibase_trials::laws::ALL;
+use omnibase_trials::wiring::{Case, Fault, Named, PATHS};
 
 /// Robots as their files say.
 const ROBOTS: u64 = 60;
@@ -28,7 +29,7 @@ fn named(
 #[test]
 fn an_encoder_against_its_motor_is_named_before_the_robot_moves_a_hand() {
     for robot in ["bmm", "mecanum"] {
-        for law in LAWS {
+        for &law in ALL.iter() {
             for (fault, path, named) in named(robot, law, None, |fault| matches!(fault, Fault::Encoder(_))) {
                 let Fault::Encoder(wheel) = fault else { continue };
                 // The BMM's first wheel stands while it drives along x.
@@ -45,7 +46,7 @@ fn an_encoder_against_its_motor_is_named_before_the_robot_moves_a_hand() {
 #[test]
 fn a_wheel_of_four_that_is_wired_backwards_is_named() {
     let (mut told, mut right, mut near, mut all) = (0, 0, 0, 0);
-    for law in LAWS {
+    for &law in ALL.iter() {
         for (fault, path, named) in named("mecanum", law, None, |fault| matches!(fault, Fault::Turned(_))) {
             let Fault::Turned(wheel) = fault else { continue };
             println!("{law} {path} {fault:?}: {named:?}");

@@ -6,9 +6,9 @@ use omnibase_robot::signals::{Measurements, PlatformState, ReferenceStatus, Safe
 use omnibase_robot::stages::Controller;
 use omnibase_robot::{CycleTime, Exchange, Phase, Registry, RequestKind};
 
-use crate::support::{BMM, Bench, Random, plan};
+use crate::support::{BMM, Bench, Random, laws_of_torque, plan};
 
-/// The laws of torque.
+/// The one whose integral takes a push, and the other one.
 const LAWS: [&str; 2] = ["adaptive_torque", OBSERVER];
 const OBSERVER: &str = "disturbance_observer";
 /// A push along x, N, and how long it lasts, cycles of 1 ms.
@@ -97,7 +97,7 @@ fn an_observer_takes_a_push_that_an_added_up_error_takes_slowly() {
 
 #[test]
 fn a_push_is_taken_wherever_the_platform_heads() {
-    for law in LAWS {
+    for law in laws_of_torque() {
         let [fixed, turning] =
             ["fixed", "follows_tangent"].map(|heading| Push { law, heading, ..PLAIN }.ride());
         assert!((turning.found_n - fixed.found_n).abs() < 0.1 * PUSH_N, "{turning:?} {fixed:?}");
@@ -125,7 +125,7 @@ fn torques_that_are_scaled_down_wind_no_observer_up() {
 
 #[test]
 fn at_rest_no_force_is_looked_for() {
-    for law in LAWS {
+    for law in laws_of_torque() {
         let mut bench = Bench::new(plan(&robot(law, "")));
         bench.enable();
         bench.push = Wrench2::new(PUSH_N, 0.0, 0.0);
@@ -136,7 +136,7 @@ fn at_rest_no_force_is_looked_for() {
 
 #[test]
 fn what_was_found_ends_with_the_stop_of_a_drive_that_fails_and_comes_back() {
-    for law in LAWS {
+    for law in laws_of_torque() {
         let mut bench = Bench::new(plan(&robot(law, CIRCLE)));
         bench.enable();
         bench.step(Some(RequestKind::Track));

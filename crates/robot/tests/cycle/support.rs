@@ -2,6 +2,7 @@
 
 use omnibase_platform::{Kinematics, PerWheel, Pose2, Twist2, Wrench2};
 use omnibase_robot::registry::Kind;
+use omnibase_robot::signals::Quantity;
 use omnibase_robot::{
     CycleRecord, CycleTime, Exchange, ImageBuffer, Phase, Registry, Request, RequestKind, Robot, RobotPlan,
 };
@@ -11,6 +12,21 @@ pub const MECANUM: &str = include_str!("../../../../robots/mecanum.toml");
 
 pub fn plan(text: &str) -> RobotPlan {
     plan_with(text, &Registry::with_built_in())
+}
+
+/// The built-in control laws.
+pub fn laws() -> Vec<&'static str> {
+    Registry::with_built_in().controllers.names()
+}
+
+/// Those of them that command torques.
+pub fn laws_of_torque() -> Vec<&'static str> {
+    let registry = Registry::with_built_in();
+    let commands = |law: &str| {
+        let text = BMM.replace("kind = \"closed_loop_speed\"", &format!("kind = \"{law}\""));
+        registry.make_controllers(&plan(&text)).unwrap()[0].quantity()
+    };
+    laws().into_iter().filter(|law| commands(law) == Quantity::Torque).collect()
 }
 
 /// A kind of a test's own, which reads no keys.

@@ -3,13 +3,10 @@
 use omnibase_platform::Twist2;
 use omnibase_robot::config::TorqueLimitTold;
 use omnibase_robot::signals::{Batch, Frame, RequestAnswer, SafetyReason};
-use omnibase_robot::{CycleRecord, Exchange, Phase, Registry, RequestKind};
+use omnibase_robot::{CycleRecord, Exchange, Phase, RequestKind};
 
-use super::support::{BMM, Bench, MECANUM, plan};
+use super::support::{BMM, Bench, MECANUM, laws, laws_of_torque, plan};
 
-fn laws() -> Vec<&'static str> {
-    Registry::with_built_in().controllers.names()
-}
 /// Max torque, positive and negative torque limit value.
 const MAX_TORQUE: u16 = 0x6072;
 const POSITIVE: u16 = 0x60E0;
@@ -259,7 +256,7 @@ fn limits_have_the_same_places_with_every_law() {
 #[test]
 fn nothing_is_learnt_while_a_drive_holds_back_by_a_limit_of_its_own() {
     let circle = "\n[reference]\nkind = \"circle\"\nradius_m = 0.5\nduration_s = 8.0\n";
-    for law in ["adaptive_torque", "disturbance_observer"] {
+    for law in laws_of_torque() {
         let mut bench = Bench::new(plan(&(with_law(BMM, law) + circle)));
         bench.enable();
         bench.step(Some(RequestKind::Track));

@@ -4,7 +4,7 @@ use omnibase_platform::Twist2;
 use omnibase_robot::signals::{Dynamics, Frame, Quantity, SafetyReason, StopCategory};
 use omnibase_robot::{CycleRecord, Phase, RequestKind};
 
-use crate::support::{BMM, Bench, MECANUM, Random, plan};
+use crate::support::{BMM, Bench, MECANUM, Random, laws_of_torque, plan};
 
 const SQUARE: &str = "\n[reference]\nkind = \"path\"\npoints = [[0, 0, 0, 0], [5, 2, 0, 0], [10, 2, 2, 0], \
                       [15, 0, 2, 0], [20, 0, 0, 0]]\n";
@@ -230,7 +230,7 @@ fn saturated_wheels_keep_the_direction() {
 
 #[test]
 fn saturated_torques_keep_the_direction() {
-    for law in ["adaptive_torque", "disturbance_observer"] {
+    for law in laws_of_torque() {
         let weak = controlled(BMM, law, "\n[safety]\ntracking_error_m = 10.0\n")
             .replace("wheel_torque_nm = 21.0", "wheel_torque_nm = 2.5");
         saturated_keeps_the_direction(law, &weak);
