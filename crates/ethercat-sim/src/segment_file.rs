@@ -46,6 +46,7 @@ use crate::device::drive::{Drive, DriveKind};
 use crate::device::servo::ServoConfig;
 use crate::device::simple::{DIGITAL_IO_LIMIT, DigitalIo};
 use reader::{Document, TableReader};
+use std::ops::Range;
 use std::path::PathBuf;
 
 /// The longest line that one entry may stand for.
@@ -269,64 +270,68 @@ fn spread_of(number: usize, count: usize) -> f64 {
     2.0 * place as f64 / (count - 1) as f64 - 1.0
 }
 
-const KINDS: [&str; 6] = ["sgdv", "servo", "coupler", "digital-io", "sii", "esi"];
+/// Reads a kind from the table of its SubDevice and the place of its name.
+type ReadKind = fn(Range<usize>, &mut TableReader, &mut Document) -> Option<Kind>;
+
+/// All kinds by their names.
+const KINDS: [(&str, ReadKind); 6] = [
+    ("sgdv", |_, entry, document| Some(drive::read(DriveKind::Sgdv, entry, document))),
+    ("servo", |_, entry, document| Some(drive::read(DriveKind::Generic, entry, document))),
+    ("coupler", |_, _, _| Some(Kind::Coupler)),
+    ("digital-io", read_digital_io),
+    ("sii", |place, entry, document| {
+        Some(Kind::Sii(need("sii", "the file with the image", place, entry, document)?.into()))
+    }),
+    ("esi", read_esi),
+];
 
 fn read_kind(entry: &mut TableReader, document: &mut Document) -> Option<(String, Kind)> {
-    let Some((name, span)) = entry.text("kind", document) else {
+    let names = KINDS.map(|(name, _)| name);
+    let Some((name, place)) = entry.text("kind", document) else {
         if !entry.has("kind") {
             document
-                .problem(entry.span(), format!("the key \"kind\" is missing: one of {}", KINDS.join(", ")));
+                .problem(entry.span(), format!("the key \"kind\" is missing: one of {}", names.join(", ")));
         }
         entry.ignore_rest();
         return None;
     };
-    let kind = match name.as_str() {
-        "sgdv" => drive::read(DriveKind::Sgdv, entry, document),
-        "servo" => drive::read(DriveKind::Generic, entry, document),
-        "coupler" => Kind::Coupler,
-        "digital-io" => {
-            let limit = i64::from(DIGITAL_IO_LIMIT);
-            let inputs = entry.integer("inputs", 0..=limit, document).unwrap_or(0) as u8;
-            let outputs = entry.integer("outputs", 0..=limit, document).unwrap_or(0) as u8;
-            if inputs == 0 && outputs == 0 {
-                document.problem(span, "digital I/O needs \"inputs\" or \"outputs\"".into());
-            }
-            Kind::DigitalIo(DigitalIo { inputs, outputs })
-        }
-        "sii" => Kind::Sii(need("sii", "the file with the image", span, entry, document)?.into()),
-        "esi" => {
-            let file = need("esi", "the maker's file", span.clone(), entry, document);
-            let device = need("device", "which device of the file", span, entry, document);
-            let mut texts = |key| -> Vec<String> {
-                let texts = entry.texts(key, document).unwrap_or_default();
-                texts.into_iter().map(|(text, _)| text).collect()
-            };
-            let (modules, files) = (texts("modules"), texts("module_files"));
-            let module_files = files.into_iter().map(PathBuf::from).collect();
-            let servo = drive::read_servo(entry, document);
-            Kind::Esi(Box::new(EsiDevice {
-                file: file?.into(),
-                device: device?,
-                modules,
-                module_files,
-                servo,
-            }))
-        }
-        _ => {
-            let text = format!("\"{name}\" is no kind of subdevice{}", nearest_hint(&name, &KINDS));
-            document.problem(span, format!("{text}; there are {}", KINDS.join(", ")));
-            entry.ignore_rest();
-            return None;
-        }
+    let Some((_, read)) = KINDS.iter().find(|(known, _)| *known == name) else {
+        let text = format!("\"{name}\" is no kind of subdevice{}", nearest_hint(&name, &names));
+        document.problem(place, format!("{text}; there are {}", names.join(", ")));
+        entry.ignore_rest();
+        return None;
     };
-    Some((name, kind))
+    Some((name, read(place, entry, document)?))
+}
+
+fn read_digital_io(place: Range<usize>, entry: &mut TableReader, document: &mut Document) -> Option<Kind> {
+    let limit = i64::from(DIGITAL_IO_LIMIT);
+    let inputs = entry.integer("inputs", 0..=limit, document).unwrap_or(0) as u8;
+    let outputs = entry.integer("outputs", 0..=limit, document).unwrap_or(0) as u8;
+    if inputs == 0 && outputs == 0 {
+        document.problem(place, "digital I/O needs \"inputs\" or \"outputs\"".into());
+    }
+    Some(Kind::DigitalIo(DigitalIo { inputs, outputs }))
+}
+
+fn read_esi(place: Range<usize>, entry: &mut TableReader, document: &mut Document) -> Option<Kind> {
+    let file = need("esi", "the maker's file", place.clone(), entry, document);
+    let device = need("device", "which device of the file", place, entry, document);
+    let mut texts = |key| -> Vec<String> {
+        let texts = entry.texts(key, document).unwrap_or_default();
+        texts.into_iter().map(|(text, _)| text).collect()
+    };
+    let (modules, files) = (texts("modules"), texts("module_files"));
+    let module_files = files.into_iter().map(PathBuf::from).collect();
+    let servo = drive::read_servo(entry, document);
+    Some(Kind::Esi(Box::new(EsiDevice { file: file?.into(), device: device?, modules, module_files, servo })))
 }
 
 /// A text that must be there; what is missing is noted.
 fn need(
     key: &'static str,
     what: &str,
-    place: core::ops::Range<usize>,
+    place: Range<usize>,
     entry: &mut TableReader,
     document: &mut Document,
 ) -> Option<String> {

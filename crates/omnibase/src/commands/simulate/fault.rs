@@ -7,9 +7,30 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
-/// The names of all faults, for messages.
-const NAMES: &str = "power-off, power-on, power-cycle, cable-cut, cable-restored, crc-errors, al-error, drive-fault, \
-                     mailbox-silence, mailbox-back, freeze, unfreeze, sto, sto-over, brake, push";
+/// Reads a fault from its name and its argument.
+type Read = fn(&Argument<'_>) -> Result<Fault, String>;
+
+/// All faults by their names.
+const FAULTS: [(&str, Read); 16] = [
+    ("power-off", |argument| argument.none(Fault::PowerOff)),
+    ("power-on", |argument| argument.none(Fault::PowerOn)),
+    ("power-cycle", |Argument { text, .. }| {
+        Ok(Fault::PowerCycle { off_for: text.map_or(Ok(Duration::from_secs(1)), duration)? })
+    }),
+    ("cable-cut", |argument| Ok(Fault::CableCut { port: argument.number(1, 3)? as u8 })),
+    ("cable-restored", |argument| Ok(Fault::CableRestored { port: argument.number(1, 3)? as u8 })),
+    ("crc-errors", |argument| Ok(Fault::CrcErrors { port: 0, frames: argument.number(1, 1_000_000)? })),
+    ("al-error", |argument| Ok(ApplicationFault::AlError(argument.code()?).into())),
+    ("drive-fault", |argument| Ok(ApplicationFault::DriveFault(argument.code()?).into())),
+    ("mailbox-silence", |argument| argument.none(ApplicationFault::MailboxSilence(true))),
+    ("mailbox-back", |argument| argument.none(ApplicationFault::MailboxSilence(false))),
+    ("freeze", |argument| argument.none(ApplicationFault::Frozen(true))),
+    ("unfreeze", |argument| argument.none(ApplicationFault::Frozen(false))),
+    ("sto", |argument| argument.none(ApplicationFault::SafeTorqueOff(true))),
+    ("sto-over", |argument| argument.none(ApplicationFault::SafeTorqueOff(false))),
+    ("brake", |argument| Ok(ApplicationFault::Brake(argument.number(1500, 0xFFFF)? as u16).into())),
+    ("push", |argument| Ok(ApplicationFault::Push(argument.signed()?).into())),
+];
 /// The latest time of a fault, s: a day.
 const LATEST_S: f64 = 86_400.0;
 
@@ -51,49 +72,48 @@ impl FromStr for TimedFault {
     }
 }
 
-fn fault(name: &str, argument: Option<&str>) -> Result<Fault, String> {
-    let number = |default: u32, limit: u32| match argument {
-        None => Ok(default),
-        Some(text) => value::number(text)
-            .filter(|number| *number <= limit)
-            .ok_or_else(|| format!("argument `{text}`: expected a number up to {limit}")),
-    };
-    let code = || match argument {
-        None => Err(format!("{name} needs a code behind the time, for example {name}@0:5:0x1b")),
-        Some(_) => number(0, 0xFFFF).map(|code| code as u16),
-    };
-    let plain = |fault| match argument {
-        None => Ok(fault),
-        Some(text) => Err(format!("{name} takes no argument, found `{text}`")),
-    };
-    let application = |fault| plain(Fault::Application(fault));
-    match name {
-        "power-off" => plain(Fault::PowerOff),
-        "power-on" => plain(Fault::PowerOn),
-        "power-cycle" => {
-            Ok(Fault::PowerCycle { off_for: argument.map_or(Ok(Duration::from_secs(1)), duration)? })
+/// What stands behind the time, and the fault's name for messages.
+struct Argument<'a> {
+    name: &'a str,
+    text: Option<&'a str>,
+}
+
+impl Argument<'_> {
+    fn none(&self, fault: impl Into<Fault>) -> Result<Fault, String> {
+        match self.text {
+            None => Ok(fault.into()),
+            Some(text) => Err(format!("{} takes no argument, found `{text}`", self.name)),
         }
-        "cable-cut" => Ok(Fault::CableCut { port: number(1, 3)? as u8 }),
-        "cable-restored" => Ok(Fault::CableRestored { port: number(1, 3)? as u8 }),
-        "crc-errors" => Ok(Fault::CrcErrors { port: 0, frames: number(1, 1_000_000)? }),
-        "al-error" => Ok(Fault::Application(ApplicationFault::AlError(code()?))),
-        "drive-fault" => Ok(Fault::Application(ApplicationFault::DriveFault(code()?))),
-        "mailbox-silence" => application(ApplicationFault::MailboxSilence(true)),
-        "mailbox-back" => application(ApplicationFault::MailboxSilence(false)),
-        "freeze" => application(ApplicationFault::Frozen(true)),
-        "unfreeze" => application(ApplicationFault::Frozen(false)),
-        "sto" => application(ApplicationFault::SafeTorqueOff(true)),
-        "sto-over" => application(ApplicationFault::SafeTorqueOff(false)),
-        "brake" => Ok(Fault::Application(ApplicationFault::Brake(number(1500, 0xFFFF)? as u16))),
-        "push" => Ok(Fault::Application(ApplicationFault::Push(signed(argument)?))),
-        _ => Err(format!("`{name}` is no fault; there are {NAMES}")),
+    }
+
+    fn number(&self, default: u32, limit: u32) -> Result<u32, String> {
+        let Some(text) = self.text else { return Ok(default) };
+        let number = value::number(text).filter(|number| *number <= limit);
+        number.ok_or_else(|| format!("argument `{text}`: expected a number up to {limit}"))
+    }
+
+    fn code(&self) -> Result<u16, String> {
+        let name = self.name;
+        match self.text {
+            None => Err(format!("{name} needs a code behind the time, for example {name}@0:5:0x1b")),
+            Some(_) => self.number(0, 0xFFFF).map(|code| code as u16),
+        }
+    }
+
+    /// A torque, per mille of the rated one.
+    fn signed(&self) -> Result<i16, String> {
+        let text = self.text.unwrap_or("0");
+        text.parse().map_err(|_| format!("argument `{text}`: expected a number from -32768 to 32767"))
     }
 }
 
-/// A torque, per mille of the rated one.
-fn signed(argument: Option<&str>) -> Result<i16, String> {
-    let text = argument.unwrap_or("0");
-    text.parse().map_err(|_| format!("argument `{text}`: expected a number from -32768 to 32767"))
+fn fault(name: &str, text: Option<&str>) -> Result<Fault, String> {
+    let found = FAULTS.iter().find(|(known, _)| *known == name);
+    let (_, read) = found.ok_or_else(|| {
+        let names: Vec<&str> = FAULTS.iter().map(|(known, _)| *known).collect();
+        format!("`{name}` is no fault; there are {}", names.join(", "))
+    })?;
+    read(&Argument { name, text })
 }
 
 fn duration(text: &str) -> Result<Duration, String> {
