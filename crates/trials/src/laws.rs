@@ -27,7 +27,7 @@ pub static OF_TORQUE: LazyLock<Vec<&'static str>> = LazyLock::new(|| {
 
 /// Whether a law commands torques.
 pub fn is_of_torque(law: &str) -> bool {
-    OF_TORQUE.iter().any(|of_torque| *of_torque == law)
+    OF_TORQUE.contains(&law)
 }
 
 /// What an example is asked for on its command line: the laws that are named, all that it has where none is; and its other words.
