@@ -264,7 +264,8 @@ impl Epoch {
     /// Makes what was known before it what is known after it.
     pub(crate) fn pass(
         &self,
-        (settings, sensors): (&FilterSettings, &[Mounted]),
+        settings: &FilterSettings,
+        sensors: &[Mounted],
         fading: &Fading,
         before: &Knowledge,
         known: &mut Knowledge,
@@ -290,7 +291,7 @@ impl Epoch {
         };
         let truly = known.belief.advance(&before.belief, step, &meanwhile);
         let from = before.belief.map_from_body;
-        self.count_unshown(settings, sensors, (from, truly), known);
+        self.count_unshown(settings, sensors, from, truly, known);
         known.driven[0] += step.distance_m();
         known.driven[1] += step.angle_rad.abs();
         let [way_m, turn_rad] = self.unread;

@@ -370,7 +370,7 @@ impl Filter {
         let [before, at] = [number - 1, number].map(|number| (number % KEPT) as usize);
         let Ok([before, known]) = self.known_after.get_disjoint_mut([before, at]) else { return };
         let epoch = &self.epochs[at];
-        epoch.pass((&self.settings, &self.sensors), &self.fading.of(epoch.time_s), before, known);
+        epoch.pass(&self.settings, &self.sensors, &self.fading.of(epoch.time_s), before, known);
     }
 
     /// All of it at once.

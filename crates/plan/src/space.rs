@@ -261,7 +261,7 @@ impl<'a> Checker<'a> {
                 return None;
             }
         }
-        let turn = pose.heading_rad.sin_cos();
+        let turn = Rotation::by(pose.heading_rad);
         // Where cells are in the way, discs tell most of it.
         if self.space.has_cells && !self.is_nearly_disc {
             let spare = self.cover_spare(at, turn);
@@ -273,7 +273,7 @@ impl<'a> Checker<'a> {
     }
 
     /// How far points may move at least until a disc that covers the outline touches anything, in cells; negative where one may already.
-    fn cover_spare(&self, at: Point, turn: (f64, f64)) -> f64 {
+    fn cover_spare(&self, at: Point, turn: Rotation) -> f64 {
         let mut least = f64::INFINITY;
         for middle in &self.cover {
             let room = self.space.least_clearance(turned(*middle, at, turn)).unwrap_or(f64::NEG_INFINITY);
@@ -285,12 +285,7 @@ impl<'a> Checker<'a> {
         least
     }
 
-    /// Whether nothing is in the way of a motion along which place and heading change evenly.
-    pub fn is_motion_free(&mut self, from: &Pose2, to: &Pose2) -> bool {
-        let [from, to] = [from, to].map(|pose| self.in_cells(pose));
-        self.is_motion_free_in_cells(&from, &to)
-    }
-
+    /// Whether nothing is in the way of a motion along which place and heading change evenly, in cells.
     pub(crate) fn is_motion_free_in_cells(&mut self, from: &Pose2, to: &Pose2) -> bool {
         // What is in the way is mostly at the end that was wished for, or half way to it.
         let Some(last) = self.spare(to) else { return false };
@@ -319,7 +314,7 @@ impl<'a> Checker<'a> {
     }
 
     /// How far the outline's points may move at least, no farther than [`FARTHER`], until one touches anything; `None` where one does.
-    fn outline_spare(&mut self, at: Point, turn: (f64, f64)) -> Option<f64> {
+    fn outline_spare(&mut self, at: Point, turn: Rotation) -> Option<f64> {
         let (space, farthest) = (self.space, self.reach + FARTHER);
         let mut placed = [[0.0; 2]; 2 * footprint::MOST_CORNERS];
         let corners = &mut placed[..self.outline.len()];
@@ -357,7 +352,7 @@ impl<'a> Checker<'a> {
         &self,
         solid: &Solid,
         at: Point,
-        (sin, cos): (f64, f64),
+        Rotation { sin, cos }: Rotation,
         corners: &[Point],
         most: f64,
     ) -> Option<f64> {
@@ -419,8 +414,22 @@ impl<'a> Checker<'a> {
     }
 }
 
-/// A place of a footprint that stands at another one, turned by an angle of this sine and cosine.
-fn turned([x, y]: Point, at: Point, (sin, cos): (f64, f64)) -> Point {
+/// A turn by an angle of this sine and cosine.
+#[derive(Clone, Copy)]
+struct Rotation {
+    sin: f64,
+    cos: f64,
+}
+
+impl Rotation {
+    fn by(angle_rad: f64) -> Rotation {
+        let (sin, cos) = angle_rad.sin_cos();
+        Rotation { sin, cos }
+    }
+}
+
+/// A place of a footprint that stands at another one, turned.
+fn turned([x, y]: Point, at: Point, Rotation { sin, cos }: Rotation) -> Point {
     [at[0] + cos * x - sin * y, at[1] + sin * x + cos * y]
 }
 

@@ -7,7 +7,7 @@
 //! Wheels that begin to slip look alike: only where another sensor that would see the slip sees none, a clock
 //! is named.
 
-use super::rates::Rates;
+use super::rates::{Heard, Rates};
 use super::{Fading, Knowledge, rates};
 use crate::belief::SLIP;
 use crate::sensor::{Sensor, SensorKind};
@@ -103,7 +103,7 @@ impl Rates<'_> {
             let count = f64::from(self.epoch.rates[rate].count.max(1));
             known.lags[rate].off(sigma * sigma / count, self.epoch.time_s)
         };
-        for (rate, place, _) in self.heard() {
+        for Heard { rate, sensor: place, .. } in self.heard() {
             let Some(off) = found(rate, place, known).filter(|off| off.is_sure) else { continue };
             let own = sees(&self.sensors[place].model);
             let is_refuted = rates(self.sensors).any(|(other, (other_place, _))| {

@@ -35,12 +35,22 @@ pub(super) struct Rates<'a> {
     pub(super) slip_drive: [f64; 3],
 }
 
+/// Speeds that one sensor told in an epoch.
+#[derive(Clone, Copy)]
+pub(super) struct Heard<'a> {
+    /// The sensor's place among those that tell speeds.
+    pub(super) rate: usize,
+    /// Among all.
+    pub(super) sensor: usize,
+    sum: &'a Sum,
+}
+
 impl Rates<'_> {
     /// Speeds. What a single sensor contradicts is its own fault; what several do, and agree in, is the wheels': they
     /// slip.
     pub(super) fn take(&self, known: &mut Knowledge) {
         for one in self.heard() {
-            if self.sensors[one.1].model.kind.is_gyro() {
+            if self.sensors[one.sensor].model.kind.is_gyro() {
                 self.begin_bias(one, known);
             }
         }
@@ -48,11 +58,12 @@ impl Rates<'_> {
         let mut off = [None; MAX_RATES];
         let mut numbers = 0;
         let mut is_widened = false;
-        for (rate, sensor, sum) in self.heard() {
+        for one in self.heard() {
+            let Heard { rate, sensor, sum } = one;
             // A mouse that tells no motion at all is lifted off, or everything stands.
             let is_still = self.sensors[sensor].model.kind == SensorKind::Flow && sum.values == [0.0; 3];
             if known.standings[sensor].is_believed() && !is_still {
-                let (contradicts, own) = self.contradicts((rate, sensor, sum), &known.belief);
+                let (contradicts, own) = self.contradicts(one, &known.belief);
                 self.watch_lag(rate, sensor, own, known);
                 off[rate] = contradicts.then(|| in_body(&self.sensors[sensor].model, own));
                 numbers += numbers_of(self.sensors[sensor].model.kind);
@@ -62,8 +73,8 @@ impl Rates<'_> {
         // A gyro alone is believed while the floor may be giving way: it can't be lifted off it. Who would see the turn as well
         // has to agree with it in this epoch, or not to agree with the wheels where that wasn't heard in it.
         let is_gyro_alone = contradicting == 1
-            && self.heard().any(|(rate, sensor, _)| {
-                let is_off = self.sensors[sensor].model.kind.is_gyro() && off[rate].is_some();
+            && self.heard().any(|one| {
+                let is_off = self.sensors[one.sensor].model.kind.is_gyro() && off[one.rate].is_some();
                 is_off && (known.shared_s > 0.0 || !self.is_turn_seen(known))
             });
         let may_slip = contradicting >= 2 && numbers > 3 || is_gyro_alone && known.strained_s > 0.0;
@@ -81,7 +92,7 @@ impl Rates<'_> {
             }
         }
         for one in self.heard() {
-            match self.sensors[one.1].model.kind {
+            match self.sensors[one.sensor].model.kind {
                 SensorKind::Turn | SensorKind::Inertial => self.take_one::<1>(one, is_widened, known),
                 SensorKind::Flow => self.take_one::<2>(one, is_widened, known),
                 _ => self.take_one::<3>(one, is_widened, known),
@@ -92,8 +103,8 @@ impl Rates<'_> {
 
     /// One bias in a thousand is further off than the gate of a reading lets pass, and would be gated for ever: where nothing was
     /// learnt of it yet, and a second reading is off likewise, it is as uncertain as that.
-    fn begin_bias(&self, one: (usize, usize, &Sum), known: &mut Knowledge) {
-        let (rate, place, sum) = one;
+    fn begin_bias(&self, one: Heard<'_>, known: &mut Knowledge) {
+        let Heard { rate, sensor: place, sum } = one;
         let sensor = &self.sensors[place].model;
         let learnt = LEARNT * LEARNT * sensor.bias_sigma * sensor.bias_sigma;
         if known.belief.variance(OWN + 2 * rate) < learnt {
@@ -115,34 +126,36 @@ impl Rates<'_> {
     /// Whether a sensor that isn't heard in this epoch tells of turns now, and agrees.
     fn is_turn_seen(&self, known: &Knowledge) -> bool {
         let all = self.sensors.iter().zip(&known.standings).enumerate();
-        all.filter(|(place, _)| self.heard().all(|(_, heard, _)| heard != *place)).any(
+        all.filter(|(place, _)| self.heard().all(|one| one.sensor != *place)).any(
             |(_, (sensor, standing))| {
                 (sensor.is_pose() || sees(&sensor.model)[1]) && standing.agrees_now(self.epoch.end_ns)
             },
         )
     }
 
-    /// What was heard: the sensor's place among those that tell speeds, among all, and the sum.
-    pub(super) fn heard(&self) -> impl Iterator<Item = (usize, usize, &Sum)> {
-        let all = rates(self.sensors).map(|(rate, (sensor, _))| (rate, sensor, &self.epoch.rates[rate]));
-        all.filter(|(_, _, sum)| sum.count > 0)
+    /// What was heard.
+    pub(super) fn heard(&self) -> impl Iterator<Item = Heard<'_>> {
+        let all = rates(self.sensors).map(|(rate, (sensor, _))| Heard {
+            rate,
+            sensor,
+            sum: &self.epoch.rates[rate],
+        });
+        all.filter(|one| one.sum.count > 0)
     }
 
     /// Whether all that are believed can be taken in one after the other.
     fn all_agree(&self, known: &Knowledge) -> bool {
         let mut known = *known;
         let believed = known.standings.map(|standing| standing.is_believed());
-        self.heard().filter(|(_, sensor, _)| believed[*sensor]).all(|one| {
-            match self.sensors[one.1].model.kind {
-                SensorKind::Turn | SensorKind::Inertial => self.agrees::<1>(one, &mut known),
-                SensorKind::Flow => self.agrees::<2>(one, &mut known),
-                _ => self.agrees::<3>(one, &mut known),
-            }
+        self.heard().filter(|one| believed[one.sensor]).all(|one| match self.sensors[one.sensor].model.kind {
+            SensorKind::Turn | SensorKind::Inertial => self.agrees::<1>(one, &mut known),
+            SensorKind::Flow => self.agrees::<2>(one, &mut known),
+            _ => self.agrees::<3>(one, &mut known),
         })
     }
 
     /// Takes a reading in where it agrees; whether it does.
-    fn agrees<const M: usize>(&self, one: (usize, usize, &Sum), known: &mut Knowledge) -> bool {
+    fn agrees<const M: usize>(&self, one: Heard<'_>, known: &mut Knowledge) -> bool {
         let agreeing = self
             .compare::<M>(one, &known.belief)
             .innovation(&known.belief, &[])
@@ -151,23 +164,23 @@ impl Rates<'_> {
     }
 
     /// Whether a mean of readings is beyond its gate, and by how much it is off in the sensor's own axes.
-    fn contradicts(&self, one: (usize, usize, &Sum), belief: &Belief) -> (bool, [f64; 3]) {
-        match self.sensors[one.1].model.kind {
+    fn contradicts(&self, one: Heard<'_>, belief: &Belief) -> (bool, [f64; 3]) {
+        match self.sensors[one.sensor].model.kind {
             SensorKind::Turn | SensorKind::Inertial => self.is_beyond::<1>(one, belief),
             SensorKind::Flow => self.is_beyond::<2>(one, belief),
             _ => self.is_beyond::<3>(one, belief),
         }
     }
 
-    fn is_beyond<const M: usize>(&self, one: (usize, usize, &Sum), belief: &Belief) -> (bool, [f64; 3]) {
+    fn is_beyond<const M: usize>(&self, one: Heard<'_>, belief: &Belief) -> (bool, [f64; 3]) {
         let compared = self.compare::<M>(one, belief);
         // What is within its gate by its noise alone is all the more with what isn't known beside.
         let is_beyond = || compared.innovation(belief, &[]).is_some_and(|one| one.nis > GATES[M - 1]);
-        (chi2(&compared.difference, &compared.noise) > GATES[M - 1] && is_beyond(), compared.off(one.2))
+        (chi2(&compared.difference, &compared.noise) > GATES[M - 1] && is_beyond(), compared.off(one.sum))
     }
 
-    fn take_one<const M: usize>(&self, one: (usize, usize, &Sum), is_widened: bool, known: &mut Knowledge) {
-        let (_, place, sum) = one;
+    fn take_one<const M: usize>(&self, one: Heard<'_>, is_widened: bool, known: &mut Knowledge) {
+        let Heard { sensor: place, sum, .. } = one;
         let mounted = &self.sensors[place];
         let sensor = &mounted.model;
         let changes = self.changes(mounted);
@@ -253,7 +266,7 @@ impl Rates<'_> {
     /// A mean of readings, and what is expected of it.
     fn compare<const M: usize>(
         &self,
-        (rate, place, sum): (usize, usize, &Sum),
+        Heard { rate, sensor: place, sum }: Heard<'_>,
         belief: &Belief,
     ) -> Compared<M> {
         let mounted = &self.sensors[place];
@@ -415,7 +428,8 @@ mod tests {
             slow: [0.0; 3],
             slip_drive: [0.0; 3],
         };
-        let compared = rates.compare::<M>((0, 0, &Sum { count: 1, ..Sum::default() }), &belief);
+        let sum = Sum { count: 1, ..Sum::default() };
+        let compared = rates.compare::<M>(Heard { rate: 0, sensor: 0, sum: &sum }, &belief);
         let variances = compared.innovation(&belief, &[]).expect("a covariance").expected();
         std::array::from_fn(|m| [compared.expected[m], variances[m].sqrt()])
     }

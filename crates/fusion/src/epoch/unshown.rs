@@ -72,7 +72,8 @@ impl Epoch {
         &self,
         settings: &FilterSettings,
         sensors: &[Mounted],
-        (from, truly): (Pose2, BodyStep),
+        from: Pose2,
+        truly: BodyStep,
         known: &mut Knowledge,
     ) {
         let (mut is_believed, mut is_shown) = (false, false);
