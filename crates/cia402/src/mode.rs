@@ -94,11 +94,6 @@ impl Mode {
             Mode::CyclicSynchronousTorque => "cst",
         }
     }
-
-    /// The mode of an abbreviation.
-    pub fn from_abbreviation(abbreviation: &str) -> Option<Mode> {
-        Mode::ALL.into_iter().find(|mode| mode.abbreviation() == abbreviation)
-    }
 }
 
 impl fmt::Display for Mode {

@@ -61,16 +61,6 @@ impl EncoderScale {
     pub fn counts(&self, rad: f64) -> f64 {
         rad * self.counts_per_rad
     }
-
-    /// The angle turned from `earlier` to `later`, in rad, across the wrap.
-    pub fn rad_between(&self, earlier: PositionCounts, later: PositionCounts) -> f64 {
-        self.rad(f64::from(later.since(earlier)))
-    }
-
-    /// The nearest whole number of counts (per second), held inside 32 bits; 0 for NaN.
-    pub fn nearest_counts(&self, rad: f64) -> i32 {
-        nearest(self.counts(rad), f64::from(i32::MIN), f64::from(i32::MAX)) as i32
-    }
 }
 
 /// A torque in tenths of a percent of the motor's rated torque, as 0x6071 and 0x6077 carry it.
@@ -102,18 +92,6 @@ impl TorqueScale {
     pub fn torque_nm(&self, torque: TorquePerMille) -> f64 {
         f64::from(torque.0) * self.rated_torque_nm / 1000.0
     }
-
-    /// The nearest torque that the drive can be told, held inside 16 bits; 0 for NaN.
-    pub fn nearest_per_mille(&self, torque_nm: f64) -> TorquePerMille {
-        let per_mille = torque_nm * 1000.0 / self.rated_torque_nm;
-        TorquePerMille(nearest(per_mille, f64::from(i16::MIN), f64::from(i16::MAX)) as i16)
-    }
-}
-
-/// Rounds half away from zero inside bounds; `as` makes 0 of NaN. (`f64::round` needs the standard library.)
-fn nearest(value: f64, low: f64, high: f64) -> i64 {
-    let half = if value < 0.0 { -0.5 } else { 0.5 };
-    (value.clamp(low, high) + half) as i64
 }
 
 #[cfg(test)]
@@ -124,8 +102,7 @@ mod tests {
     fn one_turn_is_two_pi() {
         let scale = EncoderScale::new(EncoderScale::COUNTS_PER_REVOLUTION_20_BIT).unwrap();
         assert_eq!(scale.rad(1_048_576.0), TAU);
-        assert_eq!(scale.nearest_counts(TAU), 1_048_576);
-        assert_eq!(scale.nearest_counts(-TAU / 1_048_576.0 * 2.4), -2);
+        assert_eq!(scale.counts(TAU), 1_048_576.0);
         assert_eq!(EncoderScale::new(0), Err(ScaleError::NoCounts));
     }
 
@@ -141,11 +118,6 @@ mod tests {
     fn torque_is_a_tenth_of_a_percent_of_rated() {
         let scale = TorqueScale::new(7.0).unwrap();
         assert_eq!(scale.torque_nm(TorquePerMille(3000)), 21.0);
-        assert_eq!(scale.nearest_per_mille(21.0), TorquePerMille(3000));
-        assert_eq!(scale.nearest_per_mille(-0.0035), TorquePerMille(-1), "half away from zero");
-        assert_eq!(scale.nearest_per_mille(f64::NAN), TorquePerMille(0));
-        assert_eq!(scale.nearest_per_mille(1e9), TorquePerMille(i16::MAX));
-        assert_eq!(scale.nearest_per_mille(f64::NEG_INFINITY), TorquePerMille(i16::MIN));
         for wrong in [0.0, -7.0, f64::NAN, f64::INFINITY] {
             assert!(TorqueScale::new(wrong).is_err(), "{wrong}");
         }

@@ -130,24 +130,6 @@ impl Dictionary {
         }
     }
 
-    /// Makes this value the default too; `false` where there is no such entry or the value doesn't fit.
-    ///
-    /// For parameters that a user sets before the device gets power.
-    pub fn set_default(&mut self, address: ObjectAddress, data: &[u8]) -> bool {
-        let Some(position) = self.position(address.index) else { return false };
-        let Some(entry) = self.objects[position].entry_mut(address.subindex) else { return false };
-        if entry.check_value(data).is_err() {
-            return false;
-        }
-        if entry.has_variable_length() {
-            entry.default_length = data.len();
-        }
-        let range = entry.offset..entry.offset + data.len();
-        self.defaults[range].copy_from_slice(data);
-        self.store(address, data);
-        true
-    }
-
     /// The arena, for process data.
     pub(crate) fn arena(&self) -> &[u8] {
         &self.values

@@ -160,17 +160,6 @@ impl PathPoints {
         self.points.windows(2).map(|pair| pair[1].time_s - pair[0].time_s).collect()
     }
 
-    /// The same points with each heading within half a turn of the one before: for angles recorded wrapped.
-    #[must_use]
-    pub fn with_shortest_turns(mut self) -> PathPoints {
-        for at in 1..self.points.len() {
-            let before_rad = self.points[at - 1].odom_from_base.heading_rad;
-            let heading_rad = &mut self.points[at].odom_from_base.heading_rad;
-            *heading_rad = nearest_turn_rad(*heading_rad, before_rad);
-        }
-        self
-    }
-
     /// The same places and times with the first point's heading.
     #[must_use]
     pub fn with_first_heading(mut self) -> PathPoints {

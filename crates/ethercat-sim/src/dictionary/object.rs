@@ -82,8 +82,6 @@ pub struct Entry {
     pub access: Access,
     /// Smallest and largest value that a download may have.
     pub limits: Option<(i64, i64)>,
-    /// Unit (ETG.1004), where one is given.
-    pub unit: Option<u32>,
     pub(super) default: Vec<u8>,
     pub(super) capacity: usize,
     pub(super) offset: usize,
@@ -115,7 +113,6 @@ impl Entry {
             bit_length: u16::try_from(default.len() * 8).unwrap_or(u16::MAX),
             access: Access::READ,
             limits: None,
-            unit: None,
             capacity: default.len(),
             length: default.len(),
             default_length: default.len(),
@@ -158,11 +155,6 @@ impl Entry {
     /// The same with these limits.
     pub fn with_limits(self, minimum: i64, maximum: i64) -> Self {
         Entry { limits: Some((minimum, maximum)), ..self }
-    }
-
-    /// The same with this unit (ETG.1004).
-    pub fn with_unit(self, unit: u32) -> Self {
-        Entry { unit: Some(unit), ..self }
     }
 
     /// The same with room for values of up to `bytes`, where the type has a variable length.

@@ -56,7 +56,6 @@ pub(super) struct Diagnosis {
     suspects: Vec<bool>,
     /// Bytes of the inputs that stay as they are because their SubDevices aren't operational, by rising offset.
     held: Vec<Range<usize>>,
-    pub rounds: u64,
 }
 
 /// What the present cycle showed.
@@ -109,7 +108,6 @@ impl Diagnosis {
             next_round: 0,
             suspects: vec![false; members],
             held: Vec::with_capacity(input_areas),
-            rounds: 0,
         }
     }
 
@@ -193,7 +191,6 @@ impl Diagnosis {
     /// Those who didn't answer are asked again at once.
     fn ask_again(&mut self, members: &[Member], batch: &mut Batch) {
         self.asking = true;
-        self.rounds += 1;
         batch.begin(1);
         for (member, rounds) in members.iter().zip(&self.unanswered) {
             if (1..CERTAIN).contains(rounds) {
@@ -205,7 +202,6 @@ impl Diagnosis {
     /// Those whom a short datagram touches are asked first: with many SubDevices a round takes several cycles.
     fn ask(&mut self, finding: &Finding<'_>, batch: &mut Batch) {
         self.asking = true;
-        self.rounds += 1;
         batch.begin(1);
         self.suspects.fill(false);
         for (frame, plan) in finding.frames.iter().zip(finding.plans) {

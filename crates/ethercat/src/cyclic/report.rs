@@ -62,11 +62,6 @@ impl<L> CyclicBus<L> {
         self.exchanger.is_down
     }
 
-    /// Rounds of questions that wrong counters or states led to.
-    pub fn diagnosis_rounds(&self) -> u64 {
-        self.diagnosis.rounds
-    }
-
     /// How old the inputs of the SubDevice at `position` are after the last exchange.
     pub fn freshness(&self, position: u16) -> Freshness {
         if self

@@ -21,11 +21,6 @@ impl CycleTime {
     pub fn period_s(&self) -> f64 {
         self.period_ns as f64 * 1e-9
     }
-
-    /// The moment until which an answer is awaited that may take `timeout_ns`.
-    pub fn receive_deadline_ns(&self, timeout_ns: u64) -> u64 {
-        self.now_ns.saturating_add(timeout_ns)
-    }
 }
 
 /// What became of the exchange whose inputs a cycle works on. Losing a frame is a value, not an error.

@@ -5,8 +5,6 @@ use crate::dictionary::{Access, Dictionary, Object};
 use omnibase_ethercat_wire::bytes::u16_at;
 use omnibase_ethercat_wire::coe::{AbortCode, HEADER, INFO_HEADER, InfoHeader, ObjectAddress, Service, info};
 
-/// Value info bits: the unit is asked for.
-const WITH_UNIT: u8 = 1 << 3;
 /// Value info: the default value.
 const WITH_DEFAULT: u8 = 1 << 4;
 /// Value info: the smallest value.
@@ -82,9 +80,6 @@ fn entry(dictionary: &Dictionary, address: ObjectAddress, value_info: u8) -> Con
     let object = dictionary.object(address.index).ok_or(AbortCode::NO_SUCH_OBJECT)?;
     let entry = object.entry(address.subindex).ok_or(AbortCode::NO_SUCH_SUBINDEX)?;
     let mut given = if entry.has_variable_length() { 0 } else { value_info & WITH_DEFAULT };
-    if entry.unit.is_some() {
-        given |= value_info & WITH_UNIT;
-    }
     if entry.limits.is_some() {
         given |= value_info & (WITH_MINIMUM | WITH_MAXIMUM);
     }
@@ -93,9 +88,6 @@ fn entry(dictionary: &Dictionary, address: ObjectAddress, value_info: u8) -> Con
     content.extend_from_slice(&entry.data_type.0.to_le_bytes());
     content.extend_from_slice(&entry.bit_length.to_le_bytes());
     content.extend_from_slice(&entry.access.0.to_le_bytes());
-    if let (true, Some(unit)) = (given & WITH_UNIT != 0, entry.unit) {
-        content.extend_from_slice(&unit.to_le_bytes());
-    }
     if given & WITH_DEFAULT != 0 {
         content.extend_from_slice(dictionary.default_value(entry));
     }
