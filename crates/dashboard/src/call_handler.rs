@@ -104,22 +104,18 @@ impl CallHandler {
             Call::Track => robot(RequestKind::Track),
             Call::Pause => robot(RequestKind::Pause),
             Call::Resume => robot(RequestKind::Resume),
-            Call::GoTo { pose: [x_m, y_m, heading_rad] } => {
-                robot(RequestKind::GoTo { odom_from_body: Pose2 { x_m, y_m, heading_rad } })
-            }
+            Call::GoTo { pose } => robot(RequestKind::GoTo { odom_from_body: pose_of(pose) }),
             Call::DriveTo { pose, best } => return self.drive_to(asker, waiting, pose, best),
             Call::SetWalls { polygons_m } => {
                 let text = self.drive_to.draw_walls(polygons_m)?;
                 return Ok(Reply::CallResult(CallResult::done(text)));
             }
             Call::SetFence { corners_m } => return self.set_fence(asker, &corners_m),
-            Call::SetPose { pose: [x_m, y_m, heading_rad], sigma_m, sigma_rad } => {
-                robot(RequestKind::SetPose {
-                    odom_from_body: Pose2 { x_m, y_m, heading_rad },
-                    sigma_m: sigma_m.unwrap_or(SET_POSE_SIGMA_M),
-                    sigma_rad: sigma_rad.unwrap_or(SET_POSE_SIGMA_RAD),
-                })
-            }
+            Call::SetPose { pose, sigma_m, sigma_rad } => robot(RequestKind::SetPose {
+                odom_from_body: pose_of(pose),
+                sigma_m: sigma_m.unwrap_or(SET_POSE_SIGMA_M),
+                sigma_rad: sigma_rad.unwrap_or(SET_POSE_SIGMA_RAD),
+            }),
             Call::GoToStart => robot(RequestKind::GoTo { odom_from_body: self.start()? }),
             Call::Stop { category: name } => robot(RequestKind::Stop(name.into())),
             Call::EndMotion => Ask::EndMotion,
@@ -150,21 +146,11 @@ impl CallHandler {
             Call::StopAxis { name } => robot(self.axis(&name, AxisAsk::Stop)?),
             Call::Set { values } => return self.set(asker, &values),
             Call::Stick { x, y, turn, frame } => {
-                let limits = &self.about.robot.plan.limits;
-                if [x, y, turn].iter().any(|share| !(-1.0..=1.0).contains(share)) {
-                    return Err(format!("a stick's shares: expected -1 to 1, found {x}, {y}, {turn}"));
-                }
-                let twist = wish([x, y, turn], limits);
+                let twist = self.stick([x, y, turn])?;
                 return self.send_silently(asker, Ask::Stick(StickWish::Held { twist, frame: frame.into() }));
             }
             Call::Drive { twist, frame } => {
-                if twist.iter().any(|speed| !(-FASTEST..=FASTEST).contains(speed)) {
-                    return Err(format!(
-                        "a twist: expected at most {FASTEST} m/s and rad/s, found {twist:?}"
-                    ));
-                }
-                let [vx_m_s, vy_m_s, w_rad_s] = twist;
-                let twist = Twist2 { vx_m_s, vy_m_s, w_rad_s };
+                let twist = twist_of(twist)?;
                 return self.send_silently(asker, Ask::Stick(StickWish::Held { twist, frame: frame.into() }));
             }
             Call::ReleaseStick => Ask::Stick(StickWish::Released),
@@ -184,24 +170,18 @@ impl CallHandler {
             }
             Call::LoadSaved { name } => return self.load(asker, self.saved(&name)?, "path loaded"),
             Call::Scan => return Ok(self.bus(BusCall::Scan)),
-            Call::SdoRead { subdevice, object } => {
-                return Ok(self.bus(BusCall::Read(place(subdevice, &object)?)));
-            }
             Call::SdoList { subdevice } => return Ok(self.bus(BusCall::List(subdevice))),
-            Call::SdoObject { subdevice, object } => {
-                return Ok(self.bus(BusCall::Object(place(subdevice, &object)?)));
-            }
-            Call::SdoType { subdevice, object } => {
-                return Ok(self.bus(BusCall::Type(place(subdevice, &object)?)));
-            }
+            Call::SdoRead { subdevice, object } => return self.sdo(subdevice, &object, BusCall::Read),
+            Call::SdoObject { subdevice, object } => return self.sdo(subdevice, &object, BusCall::Object),
+            Call::SdoType { subdevice, object } => return self.sdo(subdevice, &object, BusCall::Type),
             Call::SdoWrite { subdevice, object, value, data } => {
-                self.live.check_age(asker.stamp).map_err(|why| Answer::Refused(why).text().into_owned())?;
+                self.check_age(asker)?;
                 let value = NewValue::new(value.as_ref(), data.as_deref())?;
-                return Ok(self.bus(BusCall::Write(place(subdevice, &object)?, value)));
+                return self.sdo(subdevice, &object, |place| BusCall::Write(place, value));
             }
             Call::Teach { by } => return self.teach(by),
             Call::TeachPoint => {
-                self.live.check_age(asker.stamp).map_err(|why| Answer::Refused(why).text().into_owned())?;
+                self.check_age(asker)?;
                 let count = self.live.remember_point().map_err(|why| why.to_string())?;
                 return Ok(Reply::CallResult(CallResult::done(format!("remembered point {count}"))));
             }
@@ -225,8 +205,7 @@ impl CallHandler {
         if let Some(wrong) = pose.iter().find(|part| !part.is_finite() || part.abs() > GREATEST) {
             return Err(format!("pose: expected numbers from -{GREATEST} to {GREATEST}, found {wrong}"));
         }
-        let [x_m, y_m, heading_rad] = pose;
-        let goal = Pose2 { x_m, y_m, heading_rad };
+        let goal = pose_of(pose);
         let Some(begun) = self.drive_to.begin(&self.live, &self.about, asker, waiting, goal, best)? else {
             return Ok(Reply::CallResult(CallResult::done("it stands there already")));
         };
@@ -259,6 +238,27 @@ impl CallHandler {
 
     fn bus(&self, call: BusCall) -> Reply {
         Reply::Bus(call, Arc::new(self.about.robot.plan.clone()))
+    }
+
+    fn sdo(
+        &self,
+        subdevice: u16,
+        object: &str,
+        call: impl FnOnce(SdoPlace) -> BusCall,
+    ) -> Result<Reply, String> {
+        Ok(self.bus(call(place(subdevice, object)?)))
+    }
+
+    /// Refuses what was asked too long ago.
+    fn check_age(&self, asker: Asker) -> Result<(), String> {
+        self.live.check_age(asker.stamp).map_err(|why| Answer::Refused(why).text().into_owned())
+    }
+
+    fn stick(&self, [x, y, turn]: [f64; 3]) -> Result<Twist2, String> {
+        if [x, y, turn].iter().any(|share| !(-1.0..=1.0).contains(share)) {
+            return Err(format!("a stick's shares: expected -1 to 1, found {x}, {y}, {turn}"));
+        }
+        Ok(wish([x, y, turn], &self.about.robot.plan.limits))
     }
 
     /// What comes many times a second needs no answer.
@@ -354,6 +354,18 @@ fn place(subdevice: u16, object: &str) -> Result<SdoPlace, String> {
 /// A pose with its heading told so that it is the shortest turn: the same heading may be some turns away.
 fn turned_least(pose: Pose2, here: &Pose2) -> Pose2 {
     Pose2 { heading_rad: nearest_turn_rad(pose.heading_rad, here.heading_rad), ..pose }
+}
+
+fn pose_of([x_m, y_m, heading_rad]: [f64; 3]) -> Pose2 {
+    Pose2 { x_m, y_m, heading_rad }
+}
+
+fn twist_of(twist: [f64; 3]) -> Result<Twist2, String> {
+    if twist.iter().any(|speed| !(-FASTEST..=FASTEST).contains(speed)) {
+        return Err(format!("a twist: expected at most {FASTEST} m/s and rad/s, found {twist:?}"));
+    }
+    let [vx_m_s, vy_m_s, w_rad_s] = twist;
+    Ok(Twist2 { vx_m_s, vy_m_s, w_rad_s })
 }
 
 /// A stick's wish: full speed is full speed in every direction, though the stick may reach further in its corners.

@@ -63,53 +63,6 @@ pub(super) fn emit(plan: &ImagePlan) -> Vec<u8> {
         rest: vec![0; 12],
         ..General::default()
     };
-    let mut sync_managers = Vec::new();
-    if let Some(Mailbox { area, .. }) = plan.mailbox {
-        sync_managers.push(mailbox_sync_manager(
-            area.receive_offset,
-            area.receive_size,
-            SyncManagerUsage::MailboxOut,
-        ));
-        sync_managers.push(mailbox_sync_manager(
-            area.send_offset,
-            area.send_size,
-            SyncManagerUsage::MailboxIn,
-        ));
-    }
-    let bytes = |number: u8| {
-        let assigned = plan.pdos.iter().filter(|pdo| sync_manager_of(plan, pdo) == Some(number));
-        assigned
-            .map(|pdo| pdo.entries.iter().map(|(_, bits)| u32::from(*bits)).sum::<u32>())
-            .sum::<u32>()
-            .div_ceil(8)
-    };
-    for sm in plan.process_data {
-        sync_managers.push(SyncManager {
-            start: sm.start,
-            length: bytes(sm.number) as u16,
-            control: sm.control,
-            status: 0,
-            enable: 1,
-            usage: match sm.direction {
-                Direction::Outputs => SyncManagerUsage::Outputs,
-                Direction::Inputs => SyncManagerUsage::Inputs,
-            },
-        });
-    }
-    let mut fmmus: Vec<FmmuUsage> = Vec::new();
-    for sm in plan.process_data {
-        fmmus.push(match sm.direction {
-            Direction::Outputs => FmmuUsage::Outputs,
-            Direction::Inputs => FmmuUsage::Inputs,
-        });
-    }
-    if plan.mailbox.is_some() {
-        fmmus.push(FmmuUsage::MailboxState);
-    }
-    // The category has whole words.
-    if !fmmus.len().is_multiple_of(2) {
-        fmmus.push(FmmuUsage::Unused);
-    }
     let mut pdos = |direction| -> Vec<Pdo> {
         let of_direction = plan.pdos.iter().filter(|pdo| Direction::of_pdo(pdo.index) == Some(direction));
         of_direction.map(|pdo| describe(plan, pdo, &mut strings)).collect()
@@ -142,8 +95,51 @@ pub(super) fn emit(plan: &ImagePlan) -> Vec<u8> {
     header.checksum = u16::from(header.computed_checksum());
     let strings = strings.0;
     let general = Some(general);
+    let (fmmus, sync_managers) = (fmmus(plan), sync_managers(plan));
     Image { header, strings, general, fmmus, sync_managers, tx_pdos, rx_pdos, dc_modes, ..Image::default() }
         .emit()
+}
+
+fn sync_managers(plan: &ImagePlan) -> Vec<SyncManager> {
+    let mut all = Vec::new();
+    if let Some(Mailbox { area, .. }) = plan.mailbox {
+        let (to_it, from_it) = (SyncManagerUsage::MailboxOut, SyncManagerUsage::MailboxIn);
+        all.push(mailbox_sync_manager(area.receive_offset, area.receive_size, to_it));
+        all.push(mailbox_sync_manager(area.send_offset, area.send_size, from_it));
+    }
+    let bytes = |number: u8| {
+        let assigned = plan.pdos.iter().filter(|pdo| sync_manager_of(plan, pdo) == Some(number));
+        assigned
+            .map(|pdo| pdo.entries.iter().map(|(_, bits)| u32::from(*bits)).sum::<u32>())
+            .sum::<u32>()
+            .div_ceil(8)
+    };
+    all.extend(plan.process_data.iter().map(|sm| SyncManager {
+        start: sm.start,
+        length: bytes(sm.number) as u16,
+        control: sm.control,
+        status: 0,
+        enable: 1,
+        usage: match sm.direction {
+            Direction::Outputs => SyncManagerUsage::Outputs,
+            Direction::Inputs => SyncManagerUsage::Inputs,
+        },
+    }));
+    all
+}
+
+fn fmmus(plan: &ImagePlan) -> Vec<FmmuUsage> {
+    let of_data = plan.process_data.iter().map(|sm| match sm.direction {
+        Direction::Outputs => FmmuUsage::Outputs,
+        Direction::Inputs => FmmuUsage::Inputs,
+    });
+    let mut all: Vec<FmmuUsage> =
+        of_data.chain(plan.mailbox.is_some().then_some(FmmuUsage::MailboxState)).collect();
+    // The category has whole words.
+    if !all.len().is_multiple_of(2) {
+        all.push(FmmuUsage::Unused);
+    }
+    all
 }
 
 fn mailbox_sync_manager(start: u16, length: u16, usage: SyncManagerUsage) -> SyncManager {

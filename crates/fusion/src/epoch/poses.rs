@@ -84,32 +84,14 @@ impl Epoch {
         standing.comes(heard.instant_ns, sensor.silent_ns, driven_m);
         let repeats = standing.repeats(said, [way_m, 0.0, turn_rad], bound, driven_m);
         let mut agrees = innovation.nis <= GATES[2] && !repeats;
-        if !agrees && !repeats && !is_refuted && standing.is_believed() {
-            // One that is off alone is an outlier; a second one that is off likewise tells of slip: since the one before, or
-            // before that began to contradict, while nobody saw it.
-            let since_s = standing.silent_s(heard.instant_ns).min(1.0);
-            let may_slip = |off: &[f64; 3], time_s: f64, unheard_m: f64| {
-                let slip_m = SLIPS_OF_WAY * unheard_m;
-                off[0].hypot(off[1]) <= SLIPS_AT_MOST[0] * time_s + slip_m + bound[0]
-                    && off[2].abs() <= SLIPS_AT_MOST[1] * time_s + slip_m / ARM_M + bound[2]
-            };
-            let goes_on = standing
-                .off
-                .is_some_and(|before| may_slip(&std::array::from_fn(|n| off[n] - before[n]), since_s, 0.0));
-            if goes_on && may_slip(&off, 2.0 * since_s, standing.unheard_m) {
-                for (place, off) in off.iter().enumerate() {
-                    known.belief.widen(place, off * off);
-                }
-                // In body axes, which lie anywhere in map's.
-                let way_m = off[0].hypot(off[1]);
-                for (axis, way) in [way_m, way_m, off[2].abs()].into_iter().enumerate() {
-                    let slips = (way / since_s.max(self.time_s)).min(SLIPS_AT_MOST[axis / 2]);
-                    known.belief.widen(SLIP + axis, slips * slips);
-                }
-                if let (Some(again), _) = compare(&known.belief) {
-                    (innovation, agrees) = (again, again.nis <= GATES[2]);
-                }
-            }
+        if !agrees
+            && !repeats
+            && !is_refuted
+            && standing.is_believed()
+            && self.widen_for_slip(heard, &off, &bound, known)
+            && let (Some(again), _) = compare(&known.belief)
+        {
+            (innovation, agrees) = (again, again.nis <= GATES[2]);
         }
         let since_s = known.standings[heard.sensor].since_s(heard.instant_ns);
         let standing = &mut known.standings[heard.sensor];
@@ -143,6 +125,34 @@ impl Epoch {
                 self.look_elsewhere(sensor, heard, known, off, bound, back);
             }
         }
+    }
+
+    /// A pose that is off alone is an outlier; a second one that is off likewise tells of slip: since the one before, or before
+    /// that began to contradict, while nobody saw it. Whether it does; then wheels are known that much less.
+    fn widen_for_slip(&self, heard: &Heard, off: &[f64; 3], bound: &[f64; 3], known: &mut Knowledge) -> bool {
+        let standing = &known.standings[heard.sensor];
+        let since_s = standing.silent_s(heard.instant_ns).min(1.0);
+        let may_slip = |off: &[f64; 3], time_s: f64, unheard_m: f64| {
+            let slip_m = SLIPS_OF_WAY * unheard_m;
+            off[0].hypot(off[1]) <= SLIPS_AT_MOST[0] * time_s + slip_m + bound[0]
+                && off[2].abs() <= SLIPS_AT_MOST[1] * time_s + slip_m / ARM_M + bound[2]
+        };
+        let goes_on = standing
+            .off
+            .is_some_and(|before| may_slip(&std::array::from_fn(|n| off[n] - before[n]), since_s, 0.0));
+        if !goes_on || !may_slip(off, 2.0 * since_s, standing.unheard_m) {
+            return false;
+        }
+        for (place, off) in off.iter().enumerate() {
+            known.belief.widen(place, off * off);
+        }
+        // In body axes, which lie anywhere in map's.
+        let way_m = off[0].hypot(off[1]);
+        for (axis, way) in [way_m, way_m, off[2].abs()].into_iter().enumerate() {
+            let slips = (way / since_s.max(self.time_s)).min(SLIPS_AT_MOST[axis / 2]);
+            known.belief.widen(SLIP + axis, slips * slips);
+        }
+        true
     }
 
     /// A platform that was carried while nobody followed its pose: it is where the sensor says all the time.

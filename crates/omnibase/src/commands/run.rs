@@ -22,7 +22,7 @@ use omnibase_ethercat_wire::Link;
 use omnibase_host::{Waiting, real_time, stop_on_signals};
 use omnibase_measure::Summary;
 use omnibase_measure::measured::{FloorPose, Measured};
-use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
+use omnibase_record::run::{OnFull, RunDescriber, RunFiles, RunRecorder};
 use omnibase_record::{KeepFrames, LastFrames, RecordingLink, WhenFull};
 use omnibase_robot::{Registry, Robot};
 use omnibase_robot_sim::SharedMachine;
@@ -31,7 +31,7 @@ use omnibase_run::floor_memory;
 use omnibase_run::pace::PacedClock;
 use omnibase_run::room::Room;
 use omnibase_run::simulated::Script;
-use omnibase_run::{LoadedRobot, Progress, Setup, simulated};
+use omnibase_run::{LoadedRobot, Progress, Ran, RunError, Setup, simulated};
 use page::Page;
 use reference::ReferenceChoice;
 use std::io::Write;
@@ -178,30 +178,7 @@ pub fn run(
         stop,
         progress: &progress,
     };
-    let cycle = Duration::from_nanos(robot.plan.bus.cycle_ns);
-    let ran = std::thread::scope(|scope| {
-        // Drawing may block: not in the thread of the cycle.
-        let shown = (!is_operated).then(|| scope.spawn(|| show(&progress, stop)));
-        let ended = EndedAtLast(&progress);
-        // Until the end of the cycle; behind the start of other threads, which would inherit the CPU.
-        let granted = arguments.real_time.apply(cycle)?;
-        if let (Some(describer), Some(granted)) = (describer, &granted) {
-            let words: Vec<String> = granted.outcomes.iter().map(ToString::to_string).collect();
-            describer.describe("real_time".to_owned(), words.join("; "));
-        }
-        let share = CpuShare::new();
-        let ran = omnibase_run::run(way.link, way.clock, setup, &mut |text| warn(text));
-        let share = share.so_far();
-        drop(ended);
-        // A bar that died is no reason to lose the figures.
-        if let Some(shown) = shown
-            && shown.join().is_err()
-        {
-            warn("the progress bar died");
-        }
-        anyhow::Ok((ran?, share))
-    });
-    let (ran, share) = match ran {
+    let (ran, share) = match arguments.drive(way.link, way.clock, setup, describer) {
         Ok(ran) => ran,
         Err(failure) => {
             // It never came to a cycle: what the bus said is all that there is.
@@ -212,14 +189,7 @@ pub fn run(
         }
     };
     page.iter_mut().for_each(Page::keep);
-    // A try in simulation leaves what the real robot found.
-    let is_try = arguments.simulated && robot.plan.run.interface.is_some();
-    if let Some(name) = robot.plan.grip.memory.as_ref().filter(|_| !is_try) {
-        let path = source.text.folder.join(name);
-        if let Err(error) = floor_memory::keep(&path, &ran.last.grip) {
-            warn(format_args!("{}: what was found of the floor isn't kept: {error}", path.display()));
-        }
-    }
+    arguments.keep_floor(&robot, &source.text.folder, &ran);
     let mut summary: Summary = ran.summary;
     let floor_pose =
         arguments.measured.map(|pose| pose.map_or_else(ask_where_it_stands, |pose| Ok(Some(pose))));
@@ -227,21 +197,12 @@ pub fn run(
     summary.measured =
         floor_pose.map(|pose| Measured::after(pose, ran.wished_end, ran.last.state.odom_from_body));
     summary.cpu_share = arguments.interface.is_some().then_some(share);
-    let mut lost = None;
-    if let Some(recorder) = recorder {
-        let recorded = recorder.finish_with(|recorded| page::last_words(&summary, &ran.ended, recorded));
-        (summary.records_written, summary.records_dropped) = (recorded.written, recorded.dropped);
-        if recorded.removed > 0 {
-            note(format_args!("recording: {} cycles went with the oldest files", recorded.removed));
-        }
-        lost = recorded.failure;
-    }
+    let lost = recorder.and_then(|recorder| end_recording(recorder, &mut summary, &ran.ended));
     let is_wrong = ran.ended.is_err() || (!ran.finished && !is_operated);
     let frames = frames.map_or(Ok(()), |frames| tell_frames(frames, is_wrong));
     let told = arguments.tell(&summary, output);
     drop(operated);
     let page = page.map_or(Ok(()), |page| page.write(registry));
-    let lost = lost.map(|failure| anyhow::Error::from(failure).context("the recording ended early"));
     // Each is said, why the run ended early before why its page can't be; the last is the command's own.
     let failures = [told.err(), ran.ended.err().map(Into::into), lost, frames.err(), page.err()];
     let mut failures: Vec<anyhow::Error> = failures.into_iter().flatten().collect();
@@ -250,6 +211,20 @@ pub fn run(
         return Err(last);
     }
     Ok(if ran.finished || is_operated { Outcome::Done } else { Outcome::Failed })
+}
+
+/// Ends a recording, with how much of the run it has; why it ended early.
+fn end_recording(
+    recorder: RunRecorder,
+    summary: &mut Summary,
+    ended: &Result<(), RunError>,
+) -> Option<anyhow::Error> {
+    let recorded = recorder.finish_with(|recorded| page::last_words(summary, ended, recorded));
+    (summary.records_written, summary.records_dropped) = (recorded.written, recorded.dropped);
+    if recorded.removed > 0 {
+        note(format_args!("recording: {} cycles went with the oldest files", recorded.removed));
+    }
+    recorded.failure.map(|failure| anyhow::Error::from(failure).context("the recording ended early"))
 }
 
 /// Asks a person where the platform stands, until it is a pose; nothing for an empty line.
@@ -282,6 +257,49 @@ impl Arguments {
     /// The motion that the command line chose.
     pub fn choose_motion(&mut self, matches: &clap::ArgMatches) {
         self.reference = ReferenceChoice::of(matches);
+    }
+
+    /// Drives, and shows how far that is where nobody operates the robot; how it went, and how much of a CPU it took.
+    fn drive(
+        &self,
+        link: Box<dyn Link>,
+        clock: AnyClock,
+        setup: Setup<'_>,
+        describer: Option<RunDescriber>,
+    ) -> anyhow::Result<(Ran, f64)> {
+        let (progress, stop) = (setup.progress, setup.stop);
+        std::thread::scope(|scope| {
+            // Drawing may block: not in the thread of the cycle.
+            let shown = (!self.operated.is_wanted()).then(|| scope.spawn(|| show(progress, stop)));
+            let ended = EndedAtLast(progress);
+            // Until the end of the cycle; behind the start of other threads, which would inherit the CPU.
+            let granted = self.real_time.apply(Duration::from_nanos(setup.plan.bus.cycle_ns))?;
+            if let (Some(describer), Some(granted)) = (describer, &granted) {
+                let words: Vec<String> = granted.outcomes.iter().map(ToString::to_string).collect();
+                describer.describe("real_time".to_owned(), words.join("; "));
+            }
+            let share = CpuShare::new();
+            let ran = omnibase_run::run(link, clock, setup, &mut |text| warn(text));
+            let share = share.so_far();
+            drop(ended);
+            // A bar that died is no reason to lose the figures.
+            if let Some(shown) = shown
+                && shown.join().is_err()
+            {
+                warn("the progress bar died");
+            }
+            Ok((ran?, share))
+        })
+    }
+
+    /// What was found of the floor; a try in simulation leaves what the real robot found.
+    fn keep_floor(&self, robot: &LoadedRobot, folder: &Path, ran: &Ran) {
+        let is_try = self.simulated && robot.plan.run.interface.is_some();
+        let Some(name) = robot.plan.grip.memory.as_ref().filter(|_| !is_try) else { return };
+        let path = folder.join(name);
+        if let Err(error) = floor_memory::keep(&path, &ran.last.grip) {
+            warn(format_args!("{}: what was found of the floor isn't kept: {error}", path.display()));
+        }
     }
 
     /// With what the robot's file says where the command line says nothing; paths begin at the file's folder.

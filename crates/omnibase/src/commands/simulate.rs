@@ -16,6 +16,7 @@ use omnibase_ethercat_wire::{HostTime, LinkError};
 use omnibase_host::interface::LinkWatch;
 use omnibase_host::{InterfaceLock, LinkState, Waiting, interface, stop_on_signals};
 use omnibase_robot::Registry;
+use omnibase_robot_sim::SharedMachine;
 use omnibase_run::simulated::{self, Script};
 use serde::Serialize;
 use std::io::Write;
@@ -108,20 +109,53 @@ struct Report {
 /// The period of a budget under SCHED_DEADLINE: whose cycle is served isn't known.
 const SERVICE_PERIOD: Duration = Duration::from_millis(1);
 
+impl Report {
+    fn of(served: &Served, logbook: Logbook) -> Report {
+        Report {
+            frames: served.frames,
+            answered: served.answered,
+            ignored: served.ignored,
+            longest_wait_ms: served.longest_wait_ns as f64 * 1e-6,
+            longest_behind_ms: served.longest_behind_ns as f64 * 1e-6,
+            looks: served.looks,
+            looks_behind: served.looks_behind,
+            true_pose: logbook.true_pose(),
+            events: logbook.entries,
+            watchdogs: logbook.watchdogs,
+            standstills: logbook.standstills,
+            arrivals: logbook.arrivals,
+        }
+    }
+}
+
+/// What is served.
+struct Simulated {
+    segment: Segment,
+    /// The machine behind a robot's drives, and what happens to it.
+    machine: Option<SharedMachine>,
+    script: Option<Script>,
+}
+
+impl Simulated {
+    fn of(arguments: &Arguments, registry: &Registry) -> anyhow::Result<Simulated> {
+        let segment = match &arguments.file {
+            Some(path) if segment::is_robot(path)? => {
+                let source = RobotSource::read(path, &arguments.changes)?;
+                let robot = source.load_or_explain(registry)?;
+                let (mut segment, machine) = simulated::segment(&robot.plan)?;
+                let script = Script::new(&robot.plan, &mut segment, &machine);
+                return Ok(Simulated { segment, machine: Some(machine), script });
+            }
+            Some(path) => segment::load(path, Pace::Free)?,
+            None => segment::from_images(&arguments.sii)?,
+        };
+        Ok(Simulated { segment, machine: None, script: None })
+    }
+}
+
 /// Runs the command.
 pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -> anyhow::Result<Outcome> {
-    let mut script = None;
-    let (mut segment, machine) = match &arguments.file {
-        Some(path) if segment::is_robot(path)? => {
-            let source = RobotSource::read(path, &arguments.changes)?;
-            let robot = source.load_or_explain(registry)?;
-            let (mut segment, machine) = simulated::segment(&robot.plan)?;
-            script = Script::new(&robot.plan, &mut segment, &machine);
-            (segment, Some(machine))
-        }
-        Some(path) => (segment::load(path, Pace::Free)?, None),
-        None => (segment::from_images(&arguments.sii)?, None),
-    };
+    let Simulated { mut segment, machine, script } = Simulated::of(arguments, registry)?;
     let count = segment.sub_devices().len();
     if arguments.redundant.is_some() {
         segment.close_ring(count.saturating_sub(1), 1)?;
@@ -170,21 +204,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     let granted = arguments.real_time.apply(SERVICE_PERIOD)?;
     let served = watch.serve(&mut segment, &mut cable, other_end.as_mut())?;
     drop(granted);
-    let Logbook { entries, watchdogs, standstills, arrivals, .. } = &watch.logbook;
-    let report = Report {
-        frames: served.frames,
-        answered: served.answered,
-        ignored: served.ignored,
-        longest_wait_ms: served.longest_wait_ns as f64 * 1e-6,
-        longest_behind_ms: served.longest_behind_ns as f64 * 1e-6,
-        looks: served.looks,
-        looks_behind: served.looks_behind,
-        true_pose: watch.logbook.true_pose(),
-        events: entries.clone(),
-        watchdogs: watchdogs.clone(),
-        standstills: standstills.clone(),
-        arrivals: arrivals.clone(),
-    };
+    let report = Report::of(&served, watch.logbook);
     if arguments.json {
         serde_json::to_writer_pretty(&mut *output, &report)?;
         writeln!(output)?;

@@ -79,32 +79,38 @@ pub(super) fn resolve(
         let reason = "SYNC1 comes 4.29 s behind a SYNC0 at most";
         return refuse("sync1_every", reason, sync1_every.to_string(), limit);
     }
-    let assign_activate = match &table.assign_activate {
-        Some(text) => identity_number(check, &format!("{setting}.assign_activate"), text)?,
-        None => DcConfig::SYNC0.into(),
-    };
-    let plan = DcPlan {
-        assign_activate: assign_activate as u16,
+    Some(Some(DcPlan {
+        assign_activate: assign_activate(check, setting, table)?,
         sync0_per_cycle: per_cycle,
         sync0_shift_ns: table.sync0_shift_us.unwrap_or(shift_us).saturating_mul(1000),
         sync1_every,
         sync1_shift_ns: sync1_shift_us * 1000,
+    }))
+}
+
+/// What turns the events on; `None` where it turns on others than its table asks for.
+fn assign_activate(check: &mut Check, setting: &str, table: &DcTable) -> Option<u16> {
+    let setting = format!("{setting}.assign_activate");
+    let wanted = match &table.assign_activate {
+        Some(text) => identity_number(check, &setting, text)?,
+        None => DcConfig::SYNC0.into(),
     };
+    let word = wanted as u16;
     let wants_sync1 = table.sync1_every.is_some() || table.sync1_shift_us.is_some();
-    let reason = if u16::try_from(assign_activate).is_err() {
+    let reason = if u16::try_from(wanted).is_err() {
         "it is a word of 16 bits"
-    } else if plan.assign_activate & DcConfig::SYNC0 != DcConfig::SYNC0 {
+    } else if word & DcConfig::SYNC0 != DcConfig::SYNC0 {
         "it turns no SYNC0 on; leave the table out where none is wanted"
-    } else if plan.assign_activate & 1 != 0 {
+    } else if word & 1 != 0 {
         "it gives the SYNC unit to the device itself, and its times are written by the bus"
-    } else if wants_sync1 && !plan.has_sync1() {
+    } else if wants_sync1 && !(DcPlan { assign_activate: word, ..DcPlan::sync0(0) }).has_sync1() {
         "it turns SYNC1 off, and its times are given"
     } else {
-        return Some(Some(plan));
+        return Some(word);
     };
-    let value = format!("\"0x{assign_activate:04X}\"");
+    let value = format!("\"0x{wanted:04X}\"");
     let limit = "bits 8 and 9 (SYNC0), bit 10 with SYNC1, bit 0 clear, such as \"0x0300\" or \"0x0700\"";
-    let problem = check.report(ProblemKind::OutOfRange, &format!("{setting}.assign_activate"), reason);
+    let problem = check.report(ProblemKind::OutOfRange, &setting, reason);
     (problem.value, problem.limit) = (Some(value), Some(limit.to_owned()));
     None
 }

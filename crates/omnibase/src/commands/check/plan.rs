@@ -65,6 +65,29 @@ pub fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
         }
     };
     writeln!(output, "footprint   {} corners: {source}", plan.guard.footprint_m.len())?;
+    print_sensors(plan, output)?;
+    print_wheels(plan, output)?;
+    writeln!(output, "\nprocess image, bytes from the start of each drive's data")?;
+    for drive in &plan.drives {
+        print_drive(drive, output)?;
+    }
+    print_devices(plan, output)?;
+    writeln!(output, "\nrun")?;
+    for (name, value) in deployment(plan) {
+        writeln!(output, "  {name:<20} {value}")?;
+    }
+    writeln!(output, "\nlimits")?;
+    for (name, value, unit) in limits(&plan.limits) {
+        writeln!(output, "  {name:<20} {value:>8} {unit}")?;
+    }
+    writeln!(output, "\nsafety")?;
+    for (name, value) in safety(plan) {
+        writeln!(output, "  {name:<20} {value}")?;
+    }
+    Ok(())
+}
+
+fn print_sensors(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
     let frame = plan.estimator.task_frame.unwrap_or_default();
     for sensor in &plan.sensors {
         let mount = sensor.sensor.body_from_sensor;
@@ -83,6 +106,11 @@ pub fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
             sensor.delay_ns as f64 * 1e-6
         )?;
     }
+    Ok(())
+}
+
+/// The body, and where the wheels stand.
+fn print_wheels(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
     let described = omnibase_run::mechanics::description(plan);
     let Body { mass_kg, inertia_kg_m2, centre_m: [x_m, y_m, z_m] } = described.body;
     writeln!(
@@ -108,43 +136,31 @@ pub fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
             drive.device
         )?;
     }
-    writeln!(output, "\nprocess image, bytes from the start of each drive's data")?;
-    for drive in &plan.drives {
-        let scale = &drive.scale;
-        writeln!(
-            output,
-            "  {}: {} counts/rev, gear {}, {} N·m rated, {} N·m peak",
-            drive.name,
-            scale.counts_per_revolution,
-            scale.gear_ratio,
-            scale.rated_torque_nm,
-            scale.peak_torque_nm
-        )?;
-        writeln!(output, "    torque limit {}", torque_limit(drive))?;
-        print_start(drive.dc.as_ref(), &drive.timeouts, output)?;
-        print_parameters(&drive.parameters, output)?;
-        for (name, pdos, bytes) in
-            [("out", &drive.outputs, drive.output_bytes()), ("in", &drive.inputs, drive.input_bytes())]
-        {
-            let list: Vec<String> = objects(pdos)
-                .into_iter()
-                .map(|(object, bit, bits)| format!("{object}@{}", position(bit, bits)))
-                .collect();
-            writeln!(output, "    {name:<4}{bytes:>3} bytes  {}", list.join(" "))?;
-        }
-    }
-    print_devices(plan, output)?;
-    writeln!(output, "\nrun")?;
-    for (name, value) in deployment(plan) {
-        writeln!(output, "  {name:<20} {value}")?;
-    }
-    writeln!(output, "\nlimits")?;
-    for (name, value, unit) in limits(&plan.limits) {
-        writeln!(output, "  {name:<20} {value:>8} {unit}")?;
-    }
-    writeln!(output, "\nsafety")?;
-    for (name, value) in safety(plan) {
-        writeln!(output, "  {name:<20} {value}")?;
+    Ok(())
+}
+
+fn print_drive(drive: &DrivePlan, output: &mut dyn Write) -> io::Result<()> {
+    let scale = &drive.scale;
+    writeln!(
+        output,
+        "  {}: {} counts/rev, gear {}, {} N·m rated, {} N·m peak",
+        drive.name,
+        scale.counts_per_revolution,
+        scale.gear_ratio,
+        scale.rated_torque_nm,
+        scale.peak_torque_nm
+    )?;
+    writeln!(output, "    torque limit {}", torque_limit(drive))?;
+    print_start(drive.dc.as_ref(), &drive.timeouts, output)?;
+    print_parameters(&drive.parameters, output)?;
+    for (name, pdos, bytes) in
+        [("out", &drive.outputs, drive.output_bytes()), ("in", &drive.inputs, drive.input_bytes())]
+    {
+        let list: Vec<String> = objects(pdos)
+            .into_iter()
+            .map(|(object, bit, bits)| format!("{object}@{}", position(bit, bits)))
+            .collect();
+        writeln!(output, "    {name:<4}{bytes:>3} bytes  {}", list.join(" "))?;
     }
     Ok(())
 }

@@ -2,8 +2,8 @@
 
 use super::clocks::synchronisation;
 use super::table::coe_words;
-use omnibase_esi::model::{Pdo, SmUse, number};
-use omnibase_esi::{Assembly, EsiFile, Module, Notes, Why};
+use omnibase_esi::model::{Mailbox, Pdo, Slots, SmUse, SyncManager, number};
+use omnibase_esi::{Assembly, Device, EsiFile, Module, Notes, Why};
 use std::io::{self, Write};
 use std::path::Path;
 
@@ -128,104 +128,16 @@ fn notes(notes: &Notes, reasons: &[(Why, &str)], output: &mut dyn Write) -> io::
 pub fn device(file: &EsiFile, assembly: &Assembly, output: &mut dyn Write) -> io::Result<()> {
     let device = assembly.device;
     writeln!(output, "{}: {}, {}", device.type_name, device.names, file.vendor.name)?;
-    writeln!(
-        output,
-        "identity       vendor {}, product {}, revision {}",
-        number(file.vendor.id),
-        number(device.product_code),
-        number(device.revision)
-    )?;
-    for (product, revision) in &device.hides {
-        let product = product.map_or(String::new(), |product| format!("product 0x{product:08x}, "));
-        writeln!(output, "replaces       {product}revision 0x{revision:08x}")?;
-    }
-    let profiles: Vec<String> = device.profiles.iter().map(u32::to_string).collect();
-    writeln!(
-        output,
-        "profiles       {}",
-        if profiles.is_empty() { "none".to_owned() } else { profiles.join(", ") }
-    )?;
-    writeln!(output, "ports          {}", if device.ports.is_empty() { "not given" } else { &device.ports })?;
+    identity(file, device, output)?;
     for (number, manager) in device.sync_managers.iter().enumerate() {
-        let usage = match manager.usage {
-            SmUse::MailboxOut => "mailbox from the MainDevice",
-            SmUse::MailboxIn => "mailbox to the MainDevice",
-            SmUse::Outputs => "outputs",
-            SmUse::Inputs => "inputs",
-            SmUse::Unused => "unused",
-        };
-        let flags = [
-            (manager.enabled, ", on"),
-            (manager.is_virtual, ", virtual: never switched on"),
-            (manager.op_only, ", on in OP alone"),
-        ];
-        let flags: String = flags.iter().filter(|(there, _)| *there).map(|(_, word)| *word).collect();
-        writeln!(
-            output,
-            "SM{number}            {usage}, {}, {} bytes, control {}{flags}",
-            or_unread(manager.start.map(|start| format!("0x{start:04x}"))),
-            or_unread(manager.default_size),
-            or_unread(manager.control.map(|control| format!("0x{control:02x}")))
-        )?;
+        sync_manager(number, manager, output)?;
     }
     if let Some(mailbox) = &device.mailbox {
-        let coe = mailbox.coe.as_ref().map_or(String::new(), |coe| format!("CoE ({})", coe_words(coe)));
-        let others = [
-            (mailbox.foe, "FoE"),
-            (mailbox.eoe, "EoE (not spoken here)"),
-            (mailbox.soe, "SoE (not spoken here)"),
-            (mailbox.aoe, "AoE (not spoken here)"),
-            (mailbox.voe, "VoE (the maker's own)"),
-        ];
-        let mut words: Vec<&str> = vec![&coe];
-        words.extend(others.iter().filter(|(there, _)| *there).map(|(_, word)| *word));
-        words.retain(|word| !word.is_empty());
-        writeln!(output, "mailbox        {}", words.join(", "))?;
+        writeln!(output, "mailbox        {}", mailbox_words(mailbox))?;
     }
-    let times = &device.timeouts;
-    let times = [
-        ("INIT", times.back_to_init_ms),
-        ("PRE-OP", times.pre_op_ms),
-        ("SAFE-OP and OP", times.safe_op_op_ms),
-        ("back to SAFE-OP", times.back_to_safe_op_ms),
-        ("mailbox takes a request", times.request_ms),
-        ("and answers", times.response_ms),
-    ];
-    let times: Vec<String> =
-        times.iter().filter_map(|(name, time)| time.map(|time| format!("{name} {time} ms"))).collect();
-    if !times.is_empty() {
-        writeln!(output, "takes at most  {}", times.join(", "))?;
-    }
-    if let Some(register) = device.identification_address {
-        writeln!(output, "identification register 0x{register:04x}")?;
-    }
-    if device.identifies_by_al_status {
-        writeln!(output, "identification on request (0x0134)")?;
-    }
-    if device.refuses_lrw {
-        writeln!(output, "commands       LRD and LWR, no LRW")?;
-    }
-    for mode in &device.dc_modes {
-        writeln!(output, "clocks         {}", synchronisation(mode))?;
-    }
-    if let Some(slots) = &device.slots {
-        for slot in &slots.slots {
-            writeln!(
-                output,
-                "slots          {}: {} to {}, classes {}",
-                slot.name,
-                or_unread(slot.least),
-                or_unread(slot.most),
-                slot.classes.join(", ")
-            )?;
-        }
-        writeln!(
-            output,
-            "               objects {} apart, PDOs {} apart{}",
-            or_unread(slots.index_increment),
-            or_unread(slots.pdo_increment),
-            if slots.download_idents { ", the list of modules is told to 0xF030" } else { "" }
-        )?;
+    abilities(device, output)?;
+    if let Some(of_device) = &device.slots {
+        slots(of_device, output)?;
     }
     for (slot, module) in (1..).zip(&assembly.modules) {
         if module.is_none() {
@@ -254,6 +166,117 @@ pub fn device(file: &EsiFile, assembly: &Assembly, output: &mut dyn Write) -> io
         writeln!(output, "LOOK AT THIS   {doubt}")?;
     }
     Ok(())
+}
+
+/// Who it is, and whom it replaces.
+fn identity(file: &EsiFile, device: &Device, output: &mut dyn Write) -> io::Result<()> {
+    writeln!(
+        output,
+        "identity       vendor {}, product {}, revision {}",
+        number(file.vendor.id),
+        number(device.product_code),
+        number(device.revision)
+    )?;
+    for (product, revision) in &device.hides {
+        let product = product.map_or(String::new(), |product| format!("product 0x{product:08x}, "));
+        writeln!(output, "replaces       {product}revision 0x{revision:08x}")?;
+    }
+    let profiles: Vec<String> = device.profiles.iter().map(u32::to_string).collect();
+    writeln!(
+        output,
+        "profiles       {}",
+        if profiles.is_empty() { "none".to_owned() } else { profiles.join(", ") }
+    )?;
+    writeln!(output, "ports          {}", if device.ports.is_empty() { "not given" } else { &device.ports })
+}
+
+fn sync_manager(number: usize, manager: &SyncManager, output: &mut dyn Write) -> io::Result<()> {
+    let usage = match manager.usage {
+        SmUse::MailboxOut => "mailbox from the MainDevice",
+        SmUse::MailboxIn => "mailbox to the MainDevice",
+        SmUse::Outputs => "outputs",
+        SmUse::Inputs => "inputs",
+        SmUse::Unused => "unused",
+    };
+    let flags = [
+        (manager.enabled, ", on"),
+        (manager.is_virtual, ", virtual: never switched on"),
+        (manager.op_only, ", on in OP alone"),
+    ];
+    let flags: String = flags.iter().filter(|(there, _)| *there).map(|(_, word)| *word).collect();
+    writeln!(
+        output,
+        "SM{number}            {usage}, {}, {} bytes, control {}{flags}",
+        or_unread(manager.start.map(|start| format!("0x{start:04x}"))),
+        or_unread(manager.default_size),
+        or_unread(manager.control.map(|control| format!("0x{control:02x}")))
+    )
+}
+
+fn mailbox_words(mailbox: &Mailbox) -> String {
+    let coe = mailbox.coe.as_ref().map_or(String::new(), |coe| format!("CoE ({})", coe_words(coe)));
+    let others = [
+        (mailbox.foe, "FoE"),
+        (mailbox.eoe, "EoE (not spoken here)"),
+        (mailbox.soe, "SoE (not spoken here)"),
+        (mailbox.aoe, "AoE (not spoken here)"),
+        (mailbox.voe, "VoE (the maker's own)"),
+    ];
+    let mut words: Vec<&str> = vec![&coe];
+    words.extend(others.iter().filter(|(there, _)| *there).map(|(_, word)| *word));
+    words.retain(|word| !word.is_empty());
+    words.join(", ")
+}
+
+/// How long it takes, how it is told from others, and what it can't do.
+fn abilities(device: &Device, output: &mut dyn Write) -> io::Result<()> {
+    let times = &device.timeouts;
+    let times = [
+        ("INIT", times.back_to_init_ms),
+        ("PRE-OP", times.pre_op_ms),
+        ("SAFE-OP and OP", times.safe_op_op_ms),
+        ("back to SAFE-OP", times.back_to_safe_op_ms),
+        ("mailbox takes a request", times.request_ms),
+        ("and answers", times.response_ms),
+    ];
+    let times: Vec<String> =
+        times.iter().filter_map(|(name, time)| time.map(|time| format!("{name} {time} ms"))).collect();
+    if !times.is_empty() {
+        writeln!(output, "takes at most  {}", times.join(", "))?;
+    }
+    if let Some(register) = device.identification_address {
+        writeln!(output, "identification register 0x{register:04x}")?;
+    }
+    if device.identifies_by_al_status {
+        writeln!(output, "identification on request (0x0134)")?;
+    }
+    if device.refuses_lrw {
+        writeln!(output, "commands       LRD and LWR, no LRW")?;
+    }
+    for mode in &device.dc_modes {
+        writeln!(output, "clocks         {}", synchronisation(mode))?;
+    }
+    Ok(())
+}
+
+fn slots(slots: &Slots, output: &mut dyn Write) -> io::Result<()> {
+    for slot in &slots.slots {
+        writeln!(
+            output,
+            "slots          {}: {} to {}, classes {}",
+            slot.name,
+            or_unread(slot.least),
+            or_unread(slot.most),
+            slot.classes.join(", ")
+        )?;
+    }
+    writeln!(
+        output,
+        "               objects {} apart, PDOs {} apart{}",
+        or_unread(slots.index_increment),
+        or_unread(slots.pdo_increment),
+        if slots.download_idents { ", the list of modules is told to 0xF030" } else { "" }
+    )
 }
 
 fn pdos(assembly: &Assembly, output: &mut dyn Write) -> io::Result<()> {

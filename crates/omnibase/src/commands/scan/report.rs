@@ -277,6 +277,20 @@ impl SubDeviceReport {
                 listed(&mailbox.coe)
             )?;
         }
+        self.print_memory(output)?;
+        self.print_pdos(output)?;
+        if let Some(modules) = &self.modules {
+            let idents: Vec<String> = modules.detected.iter().map(|ident| format!("0x{ident:08x}")).collect();
+            writeln!(output, "    modules   {}", idents.join(", "))?;
+        }
+        for object in self.dictionary.iter().flatten() {
+            object.print(output)?;
+        }
+        Ok(())
+    }
+
+    /// SyncManagers and FMMUs.
+    fn print_memory(&self, output: &mut dyn Write) -> io::Result<()> {
         for manager in &self.sync_managers {
             writeln!(
                 output,
@@ -307,6 +321,10 @@ impl SubDeviceReport {
                 fmmu.physical_start_bit
             )?;
         }
+        Ok(())
+    }
+
+    fn print_pdos(&self, output: &mut dyn Write) -> io::Result<()> {
         for pdo in &self.pdos {
             writeln!(
                 output,
@@ -325,13 +343,6 @@ impl SubDeviceReport {
                     entry.index, entry.subindex, entry.bit_length
                 )?;
             }
-        }
-        if let Some(modules) = &self.modules {
-            let idents: Vec<String> = modules.detected.iter().map(|ident| format!("0x{ident:08x}")).collect();
-            writeln!(output, "    modules   {}", idents.join(", "))?;
-        }
-        for object in self.dictionary.iter().flatten() {
-            object.print(output)?;
         }
         Ok(())
     }
