@@ -10,6 +10,8 @@ import time
 
 import pysoem
 
+from patience import patiently
+
 # Python keeps no cycle time on a busy machine: four frames for each SYNC0, and patience for its pauses.
 CYCLE_S = 0.001
 SYNC0_S = 0.004
@@ -28,21 +30,21 @@ def check_sdos(servo):
     # 1, 2 and 4 bytes: expedited.
     for index, subindex, values in ((MODE_OF_OPERATION, 0, (b"\x08", b"\x09")), (0x1C32, 1, (b"\x02\x00",)), (PROFILE_VELOCITY, 0, (b"\x10\x27\0\0",))):
         for value in values:
-            servo.sdo_write(index, subindex, value)
-            if servo.sdo_read(index, subindex) != value:
-                fail(f"{index:04x}:{subindex:02x} reads back {servo.sdo_read(index, subindex)}, wrote {value}")
+            patiently(servo.sdo_write, index, subindex, value)
+            if patiently(servo.sdo_read, index, subindex) != value:
+                fail(f"{index:04x}:{subindex:02x} reads back {patiently(servo.sdo_read, index, subindex)}, wrote {value}")
     # A name of more than four bytes: normal. The pattern object: segmented.
-    name = servo.sdo_read(DEVICE_NAME, 0, 64).rstrip(b"\0").decode()
+    name = patiently(servo.sdo_read, DEVICE_NAME, 0, 64).rstrip(b"\0").decode()
     lengths = {}
     for length in (5, 100, 1000, 4096):
         pattern = bytes((7 * i + length) & 0xFF for i in range(length))
-        servo.sdo_write(SCRATCH_MEMORY, 0, pattern)
-        back = servo.sdo_read(SCRATCH_MEMORY, 0, 8192)
+        patiently(servo.sdo_write, SCRATCH_MEMORY, 0, pattern)
+        back = patiently(servo.sdo_read, SCRATCH_MEMORY, 0, 8192)
         if back != pattern:
             fail(f"pattern of {length} bytes came back as {len(back)} bytes, different")
         lengths[length] = len(back)
     try:
-        servo.sdo_read(0x5FFF, 0)
+        patiently(servo.sdo_read, 0x5FFF, 0)
         fail("an object that does not exist was read")
     except pysoem.SdoError as error:
         abort = error.abort_code
@@ -72,9 +74,9 @@ def main():
         names.append(servo.name)
         if position in (0, count - 1):
             sdos = check_sdos(servo)
-        servo.sdo_write(MODE_OF_OPERATION, 0, b"\x09")
-        servo.sdo_write(0x1C32, 1, b"\x02\x00")
-        servo.sdo_write(0x10F1, 2, SYNC_ERROR_LIMIT)
+        patiently(servo.sdo_write, MODE_OF_OPERATION, 0, b"\x09")
+        patiently(servo.sdo_write, 0x1C32, 1, b"\x02\x00")
+        patiently(servo.sdo_write, 0x10F1, 2, SYNC_ERROR_LIMIT)
     dictionary = check_dictionary(master.slaves[0])
 
     # By itself SOEM asks for SAFE-OP while mapping. Here SYNC0 is armed before SAFE-OP, and data flow before SYNC0

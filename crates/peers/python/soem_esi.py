@@ -10,6 +10,8 @@ import time
 
 import pysoem
 
+from patience import patiently
+
 CYCLE_S = 0.001
 
 
@@ -21,8 +23,8 @@ def main():
     for position, index, subindex, data in commands:
         data = bytes.fromhex(data)
         subdevice = master.slaves[position]
-        subdevice.sdo_write(index, subindex, data)
-        back = subdevice.sdo_read(index, subindex)
+        patiently(subdevice.sdo_write, index, subindex, data)
+        back = patiently(subdevice.sdo_read, index, subindex)
         if back != data:
             sys.exit(f"SubDevice {position}: {index:04x}:{subindex:02x} was written {data.hex()} and reads back {back.hex()}")
     master.config_map()

@@ -10,6 +10,8 @@ import time
 
 import pysoem
 
+from patience import patiently
+
 CYCLE_S, SYNC0_S = 0.001, 0.004
 SYNC_ERROR_LIMIT = (500).to_bytes(2, "little")
 
@@ -23,8 +25,8 @@ def main():
         sys.exit(f"expected {count} SubDevices, SOEM found {found}")
     servos = [master.slaves[int(position)] for position in drives]
     for servo in servos:
-        servo.sdo_write(0x1C32, 1, b"\x02\x00")
-        servo.sdo_write(0x10F1, 2, SYNC_ERROR_LIMIT)
+        patiently(servo.sdo_write, 0x1C32, 1, b"\x02\x00")
+        patiently(servo.sdo_write, 0x10F1, 2, SYNC_ERROR_LIMIT)
     master.manual_state_change = True
     master.config_map()
     master.config_dc()

@@ -36,9 +36,10 @@ const PALE: &str = "(() => {
     return found;
 })()";
 
-/// What doesn't find its room: a page that is wider than its window, numbers and words of buttons in two lines or cut off, text on
-/// top of other text.
+/// What doesn't find its room, also with the longest age of what was seen: a page that is wider than its window, numbers and words of
+/// buttons in two lines or cut off, text on top of other text.
 const SQUEEZED: &str = "(() => {
+    document.documentElement.style.setProperty('--age', '\"up to 1234.5 s old\"');
     const found = [], told = (element) => `${element.tagName}.${element.className} '${element.textContent.trim().slice(0, 30)}'`;
     const wide = document.documentElement.scrollWidth - innerWidth;
     if (wide > 0) found.push(`the page is ${wide} px too wide`);
