@@ -333,6 +333,12 @@ impl Record {
         self.standing.get(what).is_some_and(|texts| !texts.is_empty())
     }
 
+    /// What of it begins so by the last look at it.
+    pub(crate) fn found_before(&self, what: &str, begins: &str) -> Vec<String> {
+        let texts = self.standing.get(what).into_iter().flatten();
+        texts.filter(|text| text.starts_with(begins)).cloned().collect()
+    }
+
     /// Notes something that isn't as it should be; what was found before is none the more so.
     pub fn found(&mut self, text: impl Into<String>) {
         let text = text.into();

@@ -134,7 +134,8 @@ fn is_known(sdo: &SdoWrite, was: &[(u16, u8, Vec<u8>)]) -> bool {
     sdo.access == SdoAccess::Entry && has(was, (sdo.object.index, sdo.object.subindex))
 }
 
-fn has(was: &[(u16, u8, Vec<u8>)], object: (u16, u8)) -> bool {
+/// Whether this object is among them.
+pub(super) fn has(was: &[(u16, u8, Vec<u8>)], object: (u16, u8)) -> bool {
     was.iter().any(|(index, subindex, _)| (*index, *subindex) == object)
 }
 

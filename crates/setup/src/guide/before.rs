@@ -7,14 +7,17 @@ use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::transaction::Access;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{Clock, register};
+use omnibase_robot::Registry;
 use omnibase_robot::config::DrivePlan;
 
-use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE};
+use super::at_start::{AtStart, JOG_WRITES, MAX_TORQUE, MODE, OFFSETS, has};
 use super::reading::{held, number};
 use super::{
     ATTEMPTS, AnyBus, Guide, Leave, SetupError, has_its_numbers, in_words, is_it, is_product, seen, who,
 };
+use crate::jog::JOGGED_IN;
 use crate::record::{FoundDrive, GONE_ON, LEFT};
+use crate::robot_file;
 
 /// What of findings drives hold a jog's max torque.
 const LIMITED: &str = "limited as by jogs";
@@ -71,7 +74,10 @@ impl<C: Clock> Guide<'_, C> {
             self.lose_sight();
         }
         let (mut left, mut refused) = (Vec::<Before>::new(), Refused::new());
-        for mut before in self.written.clone() {
+        // Whose max torque waits is known by what else of him was refused.
+        let mut all = self.written.clone();
+        all.sort_by_key(|before| has(&before.drive.was, (MAX_TORQUE, 0)));
+        for mut before in all {
             let drive = &before.drive;
             let now = bus.subdevices().get(usize::from(drive.position)).map(seen);
             // It may have got an alias since.
@@ -89,16 +95,19 @@ impl<C: Clock> Guide<'_, C> {
                         ]
                     }
                 },
-                Some(true) => self.write_back(bus, &mut before),
+                Some(true) => {
+                    let is_limited = left.iter().any(|one| is_same(&one.drive, &before.drive));
+                    self.write_back(bus, &mut before, is_limited)
+                }
             };
-            if words.is_empty() {
-                continue;
+            if !words.is_empty() {
+                refused.push((before.drive.clone(), words.join("; ")));
             }
             match left.iter_mut().find(|one| is_same(&one.drive, &before.drive)) {
                 Some(earlier) => earlier.drive.was.append(&mut before.drive.was),
-                None => left.push(before.clone()),
+                None if words.is_empty() => {}
+                None => left.push(before),
             }
-            refused.push((before.drive, words.join("; ")));
         }
         self.record.jogged.retain(|one| {
             let is_in = |all: &[Before]| all.iter().any(|before| is_same(&before.drive, one));
@@ -108,6 +117,16 @@ impl<C: Clock> Guide<'_, C> {
         // Whoever is asked from now on may plug and set.
         self.lose_sight();
         refused
+    }
+
+    /// Who lost its supply holds what is stored in it.
+    pub(super) fn forget_lost(&mut self, bus: &AnyBus<C>, lost: &BTreeSet<u16>) {
+        let all = bus.subdevices().iter().filter(|one| lost.contains(&one.position)).map(seen);
+        let all: Vec<FoundDrive> = all.collect();
+        let is_lost =
+            |drive: &FoundDrive| all.iter().any(|now| now.position == drive.position && is_it(drive, now));
+        self.written.retain(|before| !is_lost(&before.drive));
+        self.record.jogged.retain(|drive| !is_lost(drive));
     }
 
     /// Somebody may have plugged these elsewhere, or set something in them.
@@ -120,16 +139,14 @@ impl<C: Clock> Guide<'_, C> {
         let drive = &before.drive;
         let is_other = |one: &FoundDrive| one.position != drive.position && is_it(drive, one);
         let mut all = self.record.drives.iter().chain(self.written.iter().map(|one| &one.drive));
-        let held_other = |one: &FoundDrive| {
-            let mut pairs = one.was.iter().flat_map(|its| drive.was.iter().map(move |was| (its, was)));
-            pairs.any(|(its, was)| is_of(its, was) && its.2 != was.2)
-        };
+        let held_other = |one: &FoundDrive| drive.was.iter().any(|was| !one.was.contains(was));
         !before.is_in_sight && all.any(|one| is_other(one) && held_other(one))
     }
 
     /// What one drive held; in words what it refuses, which alone is left of it. Since it was out of sight it may have lost its supply, or
-    /// been set by somebody: what no jog writes stays then. Its max torque comes last: who isn't limited has all of it.
-    fn write_back(&mut self, bus: &mut AnyBus<C>, before: &mut Before) -> Vec<String> {
+    /// been set by somebody: what no jog writes stays then. Its max torque comes last, and not where it `is_limited` for something else
+    /// that it refused: who isn't limited has all of it.
+    fn write_back(&mut self, bus: &mut AnyBus<C>, before: &mut Before, is_limited: bool) -> Vec<String> {
         let position = before.drive.position;
         let (last, first): (Vec<_>, Vec<_>) =
             std::mem::take(&mut before.drive.was).into_iter().partition(|(index, ..)| *index == MAX_TORQUE);
@@ -149,7 +166,7 @@ impl<C: Clock> Guide<'_, C> {
                 self.record.note(format!(
                     "SubDevice {position}: {object} was {held} before it was jogged, and is {now}, which no jog writes: that stays"
                 ));
-            } else if *index == MAX_TORQUE && !refused.is_empty() {
+            } else if *index == MAX_TORQUE && (is_limited || !refused.is_empty()) {
                 before.drive.was.push(one);
             } else if let Err(error) = bus.sdo_write(position, object, was) {
                 refused.push(format!("{object} was {held}, and can't be put back: {error}"));
@@ -159,10 +176,13 @@ impl<C: Clock> Guide<'_, C> {
         refused
     }
 
-    /// Whether a jog may have written this: its limit, or none by whoever maps it; what it writes itself otherwise; what the file asks.
+    /// Whether a jog may have written this: its limit, its mode, or none by whoever maps it; how it synchronises; what the file asks.
     fn is_of_jog(&self, drive: &FoundDrive, object: ObjectAddress, bytes: &[u8]) -> bool {
+        let is_nothing = bytes.iter().all(|byte| *byte == 0);
         match (object.index, object.subindex) {
             (MAX_TORQUE, 0) => is_limit(bytes),
+            (MODE, 0) => is_nothing || bytes == [JOGGED_IN.code() as u8],
+            (index, 0) if OFFSETS.iter().any(|(offset, _)| *offset == index) => is_nothing,
             other => {
                 JOG_WRITES.contains(&other)
                     || AtStart::of_drive(&self.plan, &self.plan.bus, drive).writes(object, bytes)
@@ -175,12 +195,15 @@ impl<C: Clock> Guide<'_, C> {
         bus.sdo_read(drive.position, ObjectAddress::new(MAX_TORQUE, 0), SdoAccess::Entry).ok()
     }
 
-    /// Whether the file gives the drive's wheel this max torque, or, before it was seen which that is, any wheel of such a product.
+    /// Whether the file gives the drive's wheel this max torque, or, before it was seen which that is, any wheel of such a product; the
+    /// file that was wished, or the one that was made of it by what was found.
     fn is_wished(&self, drive: &FoundDrive, bytes: &[u8]) -> bool {
         let is_its = |plan: &&DrivePlan| {
             drive.wheel.as_ref().map_or(is_product(plan, drive), |wheel| *wheel == plan.name)
         };
-        let mut plans = self.plan.drives.iter().filter(is_its);
+        let made = self.text().and_then(|text| Ok(robot_file::plan(&text, &Registry::with_built_in())?)).ok();
+        let mut plans =
+            self.plan.drives.iter().chain(made.iter().flat_map(|plan| &plan.drives)).filter(is_its);
         plans.any(|plan| {
             let limit = plan.scale.torque_limit_per_mille(plan.torque_limit.wheel_nm);
             let parameters = plan.parameters.iter().filter(|one| one.index == MAX_TORQUE);
@@ -242,7 +265,7 @@ impl<C: Clock> Guide<'_, C> {
     /// it is left. Who isn't there stays remembered until somebody says that he is gone for good.
     pub(super) fn are_as_stored(&mut self) -> Result<bool, SetupError> {
         self.leave_as_found();
-        let (mut needed, mut there, mut kept) = (0, Vec::new(), "drives".to_owned());
+        let (mut needed, mut there) = (0, Vec::new());
         let mut lost = BTreeSet::new();
         for _ in 0..ATTEMPTS {
             if self.record.jogged.is_empty() {
@@ -250,10 +273,11 @@ impl<C: Clock> Guide<'_, C> {
             }
             // Whoever is scanned has an address again.
             let (answering, now) = self.who_lost_supply()?;
-            if answering < needed {
+            let kept = if answering < needed {
                 self.hand.tell(&format!(
                     "{answering} SubDevices answer, and {needed} did before: wait until all drives are up, and say it again"
                 ));
+                "drives".to_owned()
             } else {
                 if answering > needed {
                     // Who was cut off may stand before those that were seen.
@@ -265,18 +289,19 @@ impl<C: Clock> Guide<'_, C> {
                 let kept_supply = there.iter().map(|one| one.position).filter(|one| !lost.contains(one));
                 let kept_supply: Vec<String> = kept_supply.map(|one| one.to_string()).collect();
                 let are_up = looked.and_then(|()| match kept_supply[..] {
-                    [] => self.bus().map(drop),
+                    // Half of an EEPROM is made whole behind this.
+                    [] if self.record.writing.is_none() => self.bus().map(drop),
                     _ => Ok(()),
                 });
                 match are_up {
                     Ok(()) if kept_supply.is_empty() => return Ok(self.no_longer_jogged(there)),
-                    Ok(()) => kept = format!("SubDevices {}", kept_supply.join(", ")),
+                    Ok(()) => format!("SubDevices {}", kept_supply.join(", ")),
                     Err(error) => {
-                        kept = "drives".to_owned();
                         self.hand.tell(&format!("{error}: wait until all drives are up, and say it again"));
+                        "drives".to_owned()
                     }
                 }
-            }
+            };
             let text = format!(
                 "a jog was cut off, and {kept} hold what it wrote (max torque, mode, synchronisation) until they are switched off and on: \
                  switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they \
@@ -290,7 +315,8 @@ impl<C: Clock> Guide<'_, C> {
                     let text = format!(
                         "gone on though {kept} weren't switched off and on since a jog was cut off: what they hold may be that one's"
                     );
-                    self.tell_found_of(GONE_ON, vec![text]);
+                    let is_any = there.iter().any(|one| !lost.contains(&one.position));
+                    self.tell_found_of(GONE_ON, Vec::from_iter(is_any.then_some(text)));
                     return Ok(self.no_longer_jogged(there));
                 }
             }
@@ -350,32 +376,29 @@ impl<C: Clock> Guide<'_, C> {
         Ok((there, (0..there).filter(has_lost).collect()))
     }
 
-    /// Who is limited as by a jog, though none is left: one that stores by itself, or one that was jogged elsewhere.
+    /// Who is limited as by a jog, though none is left: one that stores by itself, or one that was jogged elsewhere. Of whom that isn't
+    /// known now, what was found stays.
     pub(super) fn tell_limited(&mut self) {
-        let limit = |drive: &FoundDrive| {
-            let its = drive.was.iter().find(|(index, ..)| *index == MAX_TORQUE)?;
-            (is_limit(&its.2) && !self.is_wished(drive, &its.2)).then(|| number(&its.2))
-        };
-        let text = |drive: &FoundDrive| {
-            Some(format!(
-                "SubDevice {}: its max torque (6072) is {} per mille of the rated, which a jog may have left there: where nobody wished that, \
-                 set it by the maker's tool",
-                drive.position,
-                limit(drive)?
-            ))
-        };
-        let texts: Vec<String> = self.record.drives.iter().filter_map(text).collect();
-        if texts.is_empty() {
+        let mut texts = Vec::new();
+        for drive in &self.record.drives {
+            let begins = format!("SubDevice {}: its max torque (6072) is ", drive.position);
+            match drive.was.iter().find(|(index, ..)| *index == MAX_TORQUE) {
+                None => texts.extend(self.record.found_before(LIMITED, &begins)),
+                Some((.., its)) if is_limit(its) && !self.is_wished(drive, its) => texts.push(format!(
+                    "{begins}{} per mille of the rated, which a jog may have left there: where nobody wished that, set it by the maker's tool",
+                    number(its)
+                )),
+                Some(_) => {}
+            }
+        }
+        if texts.is_empty() && self.record.drives.iter().all(|drive| has(&drive.was, (MAX_TORQUE, 0))) {
             self.record.found_of(GONE_ON, Vec::new());
         }
         self.tell_found_of(LIMITED, texts);
     }
 
-    /// The same at the end, of who was told before: it may be over.
+    /// The same at the end: what was told before may be over, and drives may have been swapped since.
     pub(super) fn look_at_limits(&mut self) {
-        if ![GONE_ON, LIMITED].iter().any(|what| self.record.has_found(what)) {
-            return;
-        }
         let Ok(mut bus) = self.bus() else { return };
         let mut now = Vec::new();
         for drive in &self.record.drives {

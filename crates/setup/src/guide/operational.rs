@@ -19,7 +19,7 @@ use omnibase_ethercat::wire::{Clock, Link, LinkError};
 use omnibase_robot::config::BusPlan;
 use omnibase_session::session::{check_watchdogs, clock_direction, pace, supported_modes};
 
-use super::at_start::{AtStart, MAX_TORQUE, OFFSETS};
+use super::at_start::{AtStart, MAX_TORQUE, OFFSETS, has};
 use super::reading::is_no;
 use super::{AnyBus, Guide, SetupError, has_its_numbers, in_words, is_it, seen, who};
 use crate::drive::{DriveMap, FIRST_OBJECT, Objects, can_be_jogged, mapped, put_bits};
@@ -255,13 +255,17 @@ impl<C: Clock> Guide<'_, C> {
     fn as_they_were(&self, bus: &mut AnyBus<C>) -> Result<Values, SetupError> {
         let mut values = Values::new();
         for position in 0..bus.subdevices().len() as u16 {
-            if self.record.drives.iter().any(|drive| drive.position == position) {
-                let kept = kept(bus, position).map_err(|error| in_words(&error))?.map_err(|object| {
-                    SetupError::Bus(format!(
-                        "SubDevice {position}: its map has {object}, and what stands there can't be read, so a jog would write 0 over it: give \
-                         its drive in the robot's file `outputs` without it, or jog it by its maker's tool"
-                    ))
-                })?;
+            if let Some(drive) = self.record.drives.iter().find(|drive| drive.position == position) {
+                let [outputs, _] = objects(&bus.subdevices()[usize::from(position)]);
+                let is_lost = |object: &ObjectAddress| {
+                    OFFSETS.iter().any(|(offset, _)| *offset == object.index)
+                        && !has(&drive.was, (object.index, object.subindex))
+                };
+                if let Some(object) = outputs.into_iter().map(|(object, _)| object).find(is_lost) {
+                    return Err(unreadable(position, object));
+                }
+                let kept = kept(bus, position).map_err(|error| in_words(&error))?;
+                let kept = kept.map_err(|object| unreadable(position, object))?;
                 values.extend(kept.into_iter().map(|(object, was)| ((position, object), was)));
                 continue;
             }
@@ -270,8 +274,10 @@ impl<C: Clock> Guide<'_, C> {
                 continue;
             }
             for (object, _) in outputs.into_iter().filter(|(object, _)| !is_command(*object)) {
-                if let Ok(was) = bus.sdo_read(position, object, SdoAccess::Entry) {
-                    values.insert((position, object), was);
+                match bus.sdo_read(position, object, SdoAccess::Entry) {
+                    Ok(was) => drop(values.insert((position, object), was)),
+                    Err(error) if is_no(&error) => {}
+                    Err(error) => return Err(in_words(&error)),
                 }
             }
         }
@@ -330,6 +336,14 @@ fn kept<C: Clock>(
         }
     }
     Ok(Ok(kept))
+}
+
+/// Why a drive isn't jogged.
+fn unreadable(position: u16, object: ObjectAddress) -> SetupError {
+    SetupError::Bus(format!(
+        "SubDevice {position}: its map has {object}, and what stands there can't be read, so a jog would write 0 over it: give its drive in \
+         the robot's file `outputs` without it, or jog it by its maker's tool"
+    ))
 }
 
 fn is_command(object: ObjectAddress) -> bool {

@@ -129,6 +129,8 @@ impl<C: Clock> Guide<'_, C> {
         self.tell_found_of("said by drives", found);
         self.are_enough(drives.len())?;
         self.record.drives = drives;
+        // They may be others than before.
+        self.record.found_of(OFFSET, Vec::new());
         self.tell_offsets();
         self.tell_limited();
         Ok(true)
@@ -182,18 +184,21 @@ impl<C: Clock> Guide<'_, C> {
         Ok(())
     }
 
-    /// Who adds something to what it is told.
+    /// Who adds something to what it is told; of whom that isn't known now, what was found stays.
     fn tell_offsets(&mut self) {
         let mut texts = Vec::new();
         for drive in &self.record.drives {
             for (index, bytes) in OFFSETS {
-                let is_it = |one: &&(u16, u8, Vec<u8>)| one.0 == index && one.2.len() == bytes;
-                let was = drive.was.iter().find(is_it).map_or(0, |(.., was)| signed(was));
+                let begins = format!("SubDevice {}: {index:04X} is ", drive.position);
+                let Some((.., was)) = drive.was.iter().find(|one| one.0 == index) else {
+                    texts.extend(self.record.found_before(OFFSET, &begins));
+                    continue;
+                };
+                let was = if was.len() == bytes { signed(was) } else { 0 };
                 if was != 0 {
                     texts.push(format!(
-                        "SubDevice {}: {index:04X} is {was}, which is added to all that it is told; a jog takes it out and puts it back, so the \
-                         robot would drive with it: write 0 by the maker's tool",
-                        drive.position
+                        "{begins}{was}, which is added to all that it is told; a jog takes it out and puts it back, so the \
+                         robot would drive with it: write 0 by the maker's tool"
                     ));
                 }
             }

@@ -136,6 +136,7 @@ impl<C: Clock> Guide<'_, C> {
                 match self.bus() {
                     Ok(mut bus) => {
                         self.lose_sight();
+                        self.forget_lost(&bus, &lost);
                         self.put_back(&mut bus);
                         return Ok(Some(lost.into_iter().collect()));
                     }

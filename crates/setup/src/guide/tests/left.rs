@@ -402,6 +402,17 @@ fn what_a_run_leaves_in_drives_is_not_told_as_a_jogs() {
         by_tool(&link, &clock).sdo_write(1, TORQUE, &(limit - 1).to_le_bytes()).unwrap();
         guide.compare().unwrap();
         assert_eq!(guide.record.findings.len(), 1);
+        // A gear that was found makes it less in the file that comes out, and in the first metre.
+        for drive in &mut guide.record.drives {
+            drive.wheel = Some(format!("wheel_{}", drive.position + 1));
+            drive.gear_ratio = Some(40.0);
+        }
+        let made = robot_file::plan(&guide.text().unwrap(), &Registry::with_built_in()).unwrap();
+        let less = made.drives[1].scale.torque_limit_per_mille(made.drives[1].torque_limit.wheel_nm);
+        assert!(less < limit - 1, "{less}");
+        by_tool(&link, &clock).sdo_write(1, TORQUE, &less.to_le_bytes()).unwrap();
+        guide.compare().unwrap();
+        assert!(guide.record.findings.is_empty(), "{:?}", guide.record.findings);
     });
 }
 

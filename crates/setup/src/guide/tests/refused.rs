@@ -1,5 +1,7 @@
 //! What drives don't take back, don't tell, or can't be asked for.
 
+use omnibase_ethercat_sim::Fault;
+
 use super::*;
 use crate::record::AliasWrite;
 
@@ -31,6 +33,7 @@ fn what_is_set_in_a_drive_that_refuses_another_value_stays() {
             let jogged: Vec<u16> = guide.record.jogged.iter().map(|one| one.position).collect();
             assert_eq!((jogged, guide.written.len()), (vec![2], 1));
             assert_eq!(offset_now(), 0_i32.to_le_bytes());
+            assert_eq!(max_torques(&link, &clock), [3000, 3000, 0], "its limit waits for what it refuses");
         }
         guide.written[0].drive.was.retain(|one| *one != NOWHERE);
         assert!(guide.leave_as_found().is_empty());
@@ -153,11 +156,92 @@ fn what_a_busy_drive_does_not_tell_is_not_written() {
     }
 }
 
-/// Half of an EEPROM keeps all drives from PRE-OP: who goes on without a power-off comes to where it is made whole, and nobody who is
-/// there is called gone.
+/// Nor does one that is busy: what it doesn't tell is as it was found.
+#[test]
+fn what_a_busy_drive_does_not_tell_takes_no_finding_away() {
+    for (object, value) in [(OFFSET, &5000_i32.to_le_bytes()[..]), (TORQUE, &100_u16.to_le_bytes())] {
+        let (link, clock) = drives_of(BASE);
+        let link = Busy { link, object: Rc::default() };
+        by_tool(&link.link, &clock).sdo_write(1, object, value).unwrap();
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            Ok((Box::new(link.clone()), clock.clone()))
+        };
+        with_found(BASE, &mut open, &mut Nobody, |guide| {
+            guide.tell_found_of(crate::record::GONE_ON, vec!["gone on".to_owned()]);
+            let found = guide.record.findings.clone();
+            assert_eq!(found.len(), 2, "{found:?}");
+            link.object.set(Some(object));
+            guide.compare().unwrap();
+            guide.look_at_limits();
+            let mut still = guide.record.findings.clone();
+            still.sort();
+            // The limits of all are known where an offset isn't.
+            let is_over = object == OFFSET;
+            assert_eq!(
+                still,
+                if is_over { vec![found[0].clone()] } else { vec![found[0].clone(), "gone on".to_owned()] }
+            );
+            link.object.set(None);
+            by_tool(&link.link, &clock).sdo_write(1, object, &vec![0xFF; value.len()][..]).unwrap();
+            by_tool(&link.link, &clock).sdo_write(1, OFFSET, &[0; 4]).unwrap();
+            guide.compare().unwrap();
+            assert_eq!(guide.record.findings, Vec::<String>::new());
+        });
+    }
+}
+
+/// A drive that lost its supply at the emergency stop holds what is stored in it, not what somebody had set before.
+#[test]
+fn what_was_lost_with_the_supply_is_not_put_back() {
+    let (link, clock, injector) = faulty_segment_of(SERVOS);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let offsets = || {
+        let mut bus = by_tool(&link, &clock);
+        [0, 1, 2].map(|position| bus.sdo_read(position, OFFSET, SdoAccess::Entry).unwrap())
+    };
+    let (set, stored) = (5000_i32.to_le_bytes().to_vec(), offsets()[1].clone());
+    for position in [0, 1, 2] {
+        by_tool(&link, &clock).sdo_write(position, OFFSET, &5000_i32.to_le_bytes()).unwrap();
+    }
+    let mut hand = Notes::new(|_| {
+        injector.inject(1, Fault::PowerOff);
+        injector.inject(1, Fault::PowerOn);
+        Some("done")
+    });
+    with_found(BASE, &mut open, &mut hand, |guide| {
+        guide.operational().unwrap();
+        assert_eq!(guide.are_up("release 0".to_owned(), "up?".to_owned()).unwrap(), Some(vec![1]));
+        assert!(guide.written.is_empty() && guide.record.jogged.is_empty());
+    });
+    assert_eq!(offsets(), [set.clone(), stored, set]);
+}
+
+/// What drives hold is looked at once more at the end, whatever was found before.
+#[test]
+fn a_limit_that_came_up_meanwhile_is_told_at_the_end() {
+    let (link, clock) = drives_of(BASE);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        assert_eq!(guide.record.findings, Vec::<String>::new());
+        by_tool(&link, &clock).sdo_write(1, TORQUE, &[100, 0]).unwrap();
+        guide.look_at_limits();
+        assert!(guide.record.findings[0].starts_with("SubDevice 1: its max torque (6072) is 100 per mille"));
+    });
+}
+
+/// Half of an EEPROM keeps all drives from PRE-OP: who switches them off and on, and who goes on without, comes to where it is made
+/// whole, and nobody who is there is called gone.
 #[test]
 fn a_jog_that_was_cut_off_is_no_end_where_an_eeprom_is_half_written() {
-    let (link, clock) = segment_of(SERVOS);
+    for says in ["go on", "done"] {
+        is_no_end(says);
+    }
+}
+
+fn is_no_end(says: &'static str) {
+    let (link, clock, injector) = faulty_segment_of(SERVOS);
     let mut record = Record::default();
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
@@ -173,13 +257,26 @@ fn a_jog_that_was_cut_off_is_no_end_where_an_eeprom_is_half_written() {
     let begins = before[..omnibase_ethercat::wire::sii::HEADER].to_vec();
     record.writing = Some(AliasWrite { position: 1, alias: 7, begins });
     let mut hand = Notes::new(|id| match id {
-        "jogged" => Some("go on"),
+        "jogged" => {
+            for position in (0..3).filter(|_| says == "done") {
+                injector.inject(position, Fault::PowerOff);
+                injector.inject(position, Fault::PowerOn);
+            }
+            Some(says)
+        }
+        "power" => {
+            injector.inject(1, Fault::PowerOff);
+            injector.inject(1, Fault::PowerOn);
+            Some("done")
+        }
         "finish 1" => Some("as before"),
         _ => None,
     });
     with_record(BASE, record, &mut open, &mut hand, |guide| {
         assert_eq!(guide.run().unwrap(), Ended::Left(None));
         assert_eq!((guide.record.jogged.len(), guide.record.writing.is_some()), (0, false));
+        let is_gone_on = guide.record.log.iter().any(|words| words.starts_with("FOUND: gone on though"));
+        assert_eq!(is_gone_on, says == "go on", "{:?}", guide.record.log);
     });
     assert_eq!(hand.asked[..2], ["jogged", "finish 1"], "{:?}", hand.asked);
     assert!(!hand.asked.contains(&"gone for good".to_owned()));
