@@ -82,6 +82,11 @@ pub(crate) struct Check {
     pub(crate) problems: Vec<Problem>,
 }
 
+/// Whether a setting is another one, or stands in it.
+fn is_within(setting: &str, other: &str) -> bool {
+    setting.strip_prefix(other).is_some_and(|rest| rest.is_empty() || rest.starts_with(['.', '[']))
+}
+
 impl Check {
     pub(crate) fn report(&mut self, kind: ProblemKind, setting: &str, reason: impl Display) -> &mut Problem {
         self.add(Problem::new(kind, setting, reason))
@@ -116,8 +121,7 @@ impl Check {
 
     /// Whether nothing was said yet about a table and what is in it.
     pub(crate) fn is_sound(&self, table: &str) -> bool {
-        let is_of = |rest: &str| rest.is_empty() || rest.starts_with(['.', '[']);
-        !self.problems.iter().any(|problem| problem.setting.strip_prefix(table).is_some_and(is_of))
+        !self.problems.iter().any(|problem| is_within(&problem.setting, table))
     }
 
     /// What was made; otherwise every reason why not, with its place.
@@ -339,7 +343,7 @@ impl Check {
             for (key, content) in kind.files() {
                 let Some(file) = given.get(&key.path()) else { continue };
                 let of_it = format!("reference.{}", key.beside(content.instead_of));
-                for problem in error.0.iter_mut().filter(|problem| problem.setting.starts_with(&of_it)) {
+                for problem in error.0.iter_mut().filter(|problem| is_within(&problem.setting, &of_it)) {
                     problem.setting = format!("reference.{}", key.path());
                     problem.value = Some(file.to_string());
                 }

@@ -56,12 +56,15 @@ fn a_users_reference_may_have_a_file() {
     registry.references.add(Kind { name: "own", meaning: "For a test", keys }, |table, _| {
         match table.custom.0.get("speeds").and_then(|speeds| speeds[0].as_f64()) {
             Some(0.0) => Ok(Still),
+            // Another key that begins alike.
+            Some(1.0) => Err(Problem::refused("custom.speeds_most", "1 is too much").into()),
             found => Err(Problem::refused("custom.speeds", format!("expected 0, found {found:?}")).into()),
         }
     });
     let read = |name: &str| match name {
         "still.dat" => Ok("0 0".to_owned()),
         "fast.dat" => Ok("3".to_owned()),
+        "most.dat" => Ok("1".to_owned()),
         "words.dat" => Ok("three".to_owned()),
         other => Err(format!("no file {other}")),
     };
@@ -79,6 +82,7 @@ fn a_users_reference_may_have_a_file() {
         ("speeds_file = 'none.dat'", "speeds_file = \"none.dat\"", "no file none.dat"),
         ("speeds_file = 'words.dat'", "speeds_file = \"words.dat\"", "invalid float literal"),
         ("speeds_file = 'fast.dat'", "speeds_file = \"fast.dat\"", "expected 0, found Some(3.0)"),
+        ("speeds_file = 'most.dat'", "speeds_most", "1 is too much"),
         ("speeds_file = 1", "speeds_file = 1", "expected a file's name"),
         (
             "speeds = [0], speeds_file = 'still.dat'",
