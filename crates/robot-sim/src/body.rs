@@ -10,7 +10,7 @@ use crate::mechanics::Motion;
 use crate::pose::{Pose, Twist, Wrench};
 use crate::wheel::{Grip, WheelParameters, WheelState};
 use check::{check_body, check_floor, check_payload, check_slope, check_support, check_surface, check_wheel};
-use mounted::{Mounted, prepare, row_of, travel_m_s};
+use mounted::{Mounted, prepare, row_of};
 
 pub use check::BodyError;
 
@@ -327,26 +327,29 @@ impl Body {
         let fall = [fall_x * heading_cos + fall_y * heading_sin, fall_y * heading_cos - fall_x * heading_sin];
         let held = [self.acceleration[0] - fall[0], self.acceleration[1] - fall[1]];
         // A floor in the place of the contacts' own, where a wheel stands.
+        let (everywhere, patches) = (self.everywhere.as_ref(), self.floor.patches.as_slice());
+        let is_plain = everywhere.is_none() && patches.is_empty();
+        let pose = self.pose;
         let surface_at = |[x, y]: [f64; 2]| {
-            self.everywhere.as_ref().or_else(|| {
-                let x_m = self.pose.x_m + heading_cos * x - heading_sin * y;
-                let y_m = self.pose.y_m + heading_sin * x + heading_cos * y;
-                let under = self.floor.patches.iter().find(|patch| patch.place.holds([x_m, y_m]));
+            everywhere.or_else(|| {
+                let x_m = pose.x_m + heading_cos * x - heading_sin * y;
+                let y_m = pose.y_m + heading_sin * x + heading_cos * y;
+                let under = patches.iter().find(|patch| patch.place.holds([x_m, y_m]));
                 under.map(|patch| &patch.surface)
             })
         };
-        let rows = self.rows.iter_mut().zip(&mut self.mounted);
-        for (i, ((row, mounted), wheel)) in rows.zip(&mut self.wheels).enumerate() {
-            let holds =
-                surface_at(mounted.position_m).map_or(mounted.holds, |surface| surface.holds(mounted.roller));
-            let load = self.share.load_n(i, held, self.upright);
+        let loads_n = self.share.loads_n(held, self.upright);
+        let torques_n_m = torques_n_m.iter().copied().chain(std::iter::repeat(0.0));
+        let rows = self.rows.iter_mut().zip(&mut self.mounted).zip(&mut self.wheels);
+        for (((row, mounted), wheel), (load, torque_n_m)) in rows.zip(loads_n.zip(torques_n_m)) {
+            let surface = if is_plain { None } else { surface_at(mounted.position_m) };
+            let holds = surface.map_or(mounted.holds, |surface| surface.holds(mounted.roller));
             wheel.normal_load_n = load;
-            prepare(row, mounted, &holds, load, &before);
+            let travel = prepare(row, mounted, &holds, load, &before);
             row.stiffness = mounted.inertia * rate + mounted.viscous;
-            row.drive = mounted.inertia * rate * row.speed + torques_n_m.get(i).copied().unwrap_or(0.0);
+            row.drive = mounted.inertia * rate * row.speed + torque_n_m;
             if let Some(bristle) = &mounted.bristle {
-                let creep_m_s_n =
-                    if load > 0.0 { mounted.creep * travel_m_s(row, &before) / load } else { 0.0 };
+                let creep_m_s_n = if load > 0.0 { mounted.creep * travel / load } else { 0.0 };
                 let slips_m_s = [row.slip_along(&start, row.speed), row.slip_across(&start, row.speed)];
                 for (axis, bent) in mounted.bent.iter_mut().enumerate() {
                     bent.deflection_m = wheel.deflection_m[axis];

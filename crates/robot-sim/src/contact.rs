@@ -42,8 +42,8 @@ pub(crate) struct Friction {
     centre: f64,
     /// How far from there the limit is reached.
     width: f64,
-    slope: f64,
-    constant: f64,
+    /// Constant and slope of an elastic contact.
+    elastic: Option<(f64, f64)>,
     pub(crate) regime: Regime,
 }
 
@@ -52,16 +52,14 @@ impl Friction {
         self.limit = limit;
         self.centre = 0.0;
         self.width = width;
-        self.slope = limit / width;
-        self.constant = 0.0;
+        self.elastic = None;
     }
 
     /// Up to the limit that was set, the resistance of an elastic contact: `constant + slope·s`.
     pub(crate) fn set_line(&mut self, constant: f64, slope: f64) {
         self.centre = -constant / slope;
         self.width = self.limit / slope;
-        self.slope = slope;
-        self.constant = constant;
+        self.elastic = Some((constant, slope));
     }
 
     /// Whether there is no friction at all.
@@ -69,17 +67,23 @@ impl Friction {
         self.limit == 0.0
     }
 
+    /// Constant and slope while it sticks: a quotient that what slides doesn't need.
+    fn sticking(&self) -> (f64, f64) {
+        self.elastic.unwrap_or_else(|| (0.0, self.limit / self.width))
+    }
+
     /// Resistance (the force's negative) as the line `constant + slope·s` of the present regime.
     fn line(&self) -> (f64, f64) {
         match self.regime {
-            Regime::Stick => (self.constant, self.slope),
+            Regime::Stick => self.sticking(),
             Regime::Forward => (self.limit, 0.0),
             Regime::Backward => (-self.limit, 0.0),
         }
     }
 
     pub(crate) fn resistance(&self, slip: f64) -> f64 {
-        (self.slope * (slip - self.centre)).clamp(-self.limit, self.limit)
+        let (_, slope) = self.sticking();
+        (slope * (slip - self.centre)).clamp(-self.limit, self.limit)
     }
 
     /// The regime at a slip speed; the borders belong to both sides, so that rounding can't make it flicker.
@@ -102,16 +106,21 @@ impl Friction {
     #[inline]
     fn follow(&mut self, slip: f64) -> bool {
         let beside = slip - self.centre;
-        let next = match self.regime {
-            Regime::Stick => self.regime_at(slip),
-            Regime::Forward if beside > self.width * (1.0 - BORDER) => Regime::Forward,
-            Regime::Backward if -beside > self.width * (1.0 - BORDER) => Regime::Backward,
+        let stays = match self.regime {
+            Regime::Stick => beside.abs() <= self.width * (1.0 + BORDER),
+            Regime::Forward => beside > self.width * (1.0 - BORDER),
+            Regime::Backward => -beside > self.width * (1.0 - BORDER),
+        };
+        if stays {
+            return false;
+        }
+        self.regime = match self.regime {
+            Regime::Stick if beside > 0.0 => Regime::Forward,
+            Regime::Stick => Regime::Backward,
             Regime::Forward | Regime::Backward => Regime::Stick,
         };
         // Without a limit there is no force, whatever the regime.
-        let changed = next != self.regime && self.limit > 0.0;
-        self.regime = next;
-        changed
+        self.limit > 0.0
     }
 }
 
@@ -219,6 +228,7 @@ fn balance(mass: &Mass, wheels: &mut [Wheel], start: [f64; 3]) -> [f64; 3] {
         let v = newton(mass, wheels);
         let mut changed = false;
         for wheel in wheels.iter_mut() {
+            wheel.try_at(&v);
             changed |= wheel.follow();
         }
         if !changed {
@@ -229,7 +239,7 @@ fn balance(mass: &Mass, wheels: &mut [Wheel], start: [f64; 3]) -> [f64; 3] {
     search(mass, wheels, start)
 }
 
-/// Solves the equations with every friction on the line of its regime; what they say about a wheel goes to `trial`.
+/// Solves the equations with every friction on the line of its regime; what a wheel's speed follows from goes to `trial`.
 fn newton(mass: &Mass, wheels: &mut [Wheel]) -> [f64; 3] {
     let [mut h00, mut h11, mut h22] = mass.stiffness;
     let (mut h01, mut h02, mut h12) = (0.0, 0.0, 0.0);
@@ -288,9 +298,7 @@ fn newton(mass: &Mass, wheels: &mut [Wheel]) -> [f64; 3] {
     let v2 = y2 * d2;
     let v1 = y1 * d1 - l21 * v2;
     let v0 = y0 * d0 - l10 * v1 - l20 * v2;
-    let v = [v0, v1, v2];
-    wheels.iter_mut().for_each(|wheel| wheel.try_at(&v));
-    v
+    [v0, v1, v2]
 }
 
 /// Newton's method with exact line search on the convex function; used where plain steps cycle between regimes.
@@ -305,7 +313,8 @@ fn search(mass: &Mass, wheels: &mut [Wheel], start: [f64; 3]) -> [f64; 3] {
             wheel.axle.regime = wheel.axle.regime_at(wheel.speed);
         }
         let target = newton(mass, wheels);
-        for wheel in wheels.iter() {
+        for wheel in wheels.iter_mut() {
+            wheel.try_at(&target);
             changed |= wheel.grip.regime_at(wheel.trial.along) != wheel.grip.regime
                 || wheel.roller.regime_at(wheel.trial.across) != wheel.roller.regime
                 || wheel.axle.regime_at(wheel.trial.speed) != wheel.axle.regime;

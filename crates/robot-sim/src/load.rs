@@ -68,11 +68,15 @@ impl LoadShare {
         true
     }
 
-    /// Load of wheel `index` under an acceleration in the body's axes, against free fall along the floor; `upright` is the
+    /// Loads of the wheels under an acceleration in the body's axes, against free fall along the floor; `upright` is the
     /// share of the weight that presses on the floor. A wheel doesn't pull at the floor.
-    pub fn load_n(&self, index: usize, acceleration_m_s2: [f64; 2], upright: f64) -> f64 {
-        let shift = self.per_ax_n[index] * acceleration_m_s2[0] + self.per_ay_n[index] * acceleration_m_s2[1];
-        (self.static_n[index] * upright + shift).max(0.0)
+    pub fn loads_n(&self, acceleration_m_s2: [f64; 2], upright: f64) -> impl Iterator<Item = f64> + '_ {
+        let shares = self.static_n.iter().zip(&self.per_ax_n).zip(&self.per_ay_n);
+        shares.map(move |((static_n, per_ax_n), per_ay_n)| {
+            let shift = per_ax_n * acceleration_m_s2[0] + per_ay_n * acceleration_m_s2[1];
+            let load_n = static_n * upright + shift;
+            if load_n > 0.0 { load_n } else { 0.0 }
+        })
     }
 }
 
@@ -86,7 +90,7 @@ mod tests {
         let carried = Carried { mass_kg: 100.0, center_m: [0.03, -0.05], height_m: 0.4 };
         let share = LoadShare::new(&positions, carried).expect("three wheels around the centre");
         let acceleration = [1.3, -0.7];
-        let loads: Vec<f64> = (0..3).map(|i| share.load_n(i, acceleration, 1.0)).collect();
+        let loads: Vec<f64> = share.loads_n(acceleration, 1.0).collect();
         let weight = 100.0 * crate::floor::GRAVITY_M_S2;
         let sum: f64 = loads.iter().sum();
         let moment_x: f64 = loads.iter().zip(&positions).map(|(l, p)| l * p[0]).sum();
@@ -105,8 +109,9 @@ mod tests {
         assert!(share.static_n.iter().all(|n| (n - quarter).abs() < 1e-9), "{:?}", share.static_n);
         let braking = [-2.0, 0.0];
         // 80 kg · 2 m/s² · 0.3 m over a wheelbase of 0.6 m moves 80 N from the rear pair to the front pair.
-        assert!((share.load_n(0, braking, 1.0) - quarter - 40.0).abs() < 1e-9);
-        assert!((share.load_n(2, braking, 1.0) - quarter + 40.0).abs() < 1e-9);
+        let loads: Vec<f64> = share.loads_n(braking, 1.0).collect();
+        assert!((loads[0] - quarter - 40.0).abs() < 1e-9);
+        assert!((loads[2] - quarter + 40.0).abs() < 1e-9);
     }
 
     #[test]

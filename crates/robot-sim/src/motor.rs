@@ -135,6 +135,8 @@ pub struct Motor {
     torque_n_m: f64,
     /// Temperature rise over that of the rated torque.
     heat: f64,
+    /// The largest torque of a cold winding.
+    cold_limit_n_m: f64,
 }
 
 impl Motor {
@@ -153,6 +155,8 @@ impl Motor {
             wanted_n_m: 0.0,
             torque_n_m: 0.0,
             heat: 0.0,
+            cold_limit_n_m: parameters.rated_torque_n_m
+                + (parameters.peak_torque_n_m - parameters.rated_torque_n_m),
         }
     }
 
@@ -189,8 +193,11 @@ impl Motor {
 
     /// The largest torque that the winding's temperature allows.
     pub fn thermal_limit_n_m(&self) -> f64 {
+        if self.heat <= WARM {
+            return self.cold_limit_n_m;
+        }
         let p = &self.parameters;
-        let cool = if self.heat <= WARM { 1.0 } else { ((1.0 - self.heat) / (1.0 - WARM)).max(0.0) };
+        let cool = ((1.0 - self.heat) / (1.0 - WARM)).max(0.0);
         p.rated_torque_n_m + cool * (p.peak_torque_n_m - p.rated_torque_n_m)
     }
 
@@ -214,12 +221,13 @@ impl Motor {
         let p = &self.parameters;
         let limit = self.thermal_limit_n_m();
         // Braking is always possible; driving only as far as the voltage reaches.
-        let voltage = if speed_rad_s.abs() <= p.rated_speed_rad_s {
-            1.0
+        let reached = if speed_rad_s.abs() <= p.rated_speed_rad_s {
+            p.peak_torque_n_m
         } else {
-            (p.maximum_speed_rad_s - speed_rad_s.abs()) / (p.maximum_speed_rad_s - p.rated_speed_rad_s)
+            let range = p.maximum_speed_rad_s - p.rated_speed_rad_s;
+            p.peak_torque_n_m * ((p.maximum_speed_rad_s - speed_rad_s.abs()) / range).max(0.0)
         };
-        let driving = limit.min(p.peak_torque_n_m * voltage.max(0.0));
+        let driving = if reached < limit { reached } else { limit };
         let (low, high) = if speed_rad_s >= 0.0 { (-limit, driving) } else { (-driving, limit) };
         let target = self.wanted_n_m.clamp(low, high);
         let missing = target - self.torque_n_m;

@@ -67,22 +67,23 @@ pub(super) fn row_of(wheel: &WheelParameters) -> contact::Wheel {
 }
 
 /// Speed at which a wheel's hub travels.
-pub(super) fn travel_m_s(row: &contact::Wheel, velocity: &[f64; 3]) -> f64 {
+fn travel_m_s(row: &contact::Wheel, velocity: &[f64; 3]) -> f64 {
     let (hub_a, hub_t) = (contact::dot(&row.along, velocity), contact::dot(&row.across, velocity));
     (hub_a * hub_a + hub_t * hub_t).sqrt()
 }
 
-/// Friction limits of a wheel under its load, and how far its tread creeps at the speed at which it travels.
+/// Friction limits of a wheel under its load, and how far its tread creeps at the speed at which it travels, which it returns, m/s.
 pub(super) fn prepare(
     row: &mut contact::Wheel,
     mounted: &Mounted,
     holds: &Holds,
     load_n: f64,
     velocity: &[f64; 3],
-) {
+) -> f64 {
     let along = holds.along[usize::from(row.grip.regime != Regime::Stick)];
     let travel = travel_m_s(row, velocity);
     row.grip.set(along * load_n, STICTION_M_S + mounted.creep * along * travel);
     row.roller.set(holds.roller * load_n, STICTION_M_S);
     row.axle.set(mounted.coulomb + mounted.brake + mounted.rolling * load_n, STICTION_RAD_S);
+    travel
 }
