@@ -103,9 +103,10 @@ impl ServoBox {
         self.servo.state_changed(&mut self.dictionary, AlState::Op, AlStatusCode(0));
     }
 
-    /// When its inner loops run next between two beats.
+    /// When its inner loops run next between two beats, where anything comes of it.
     pub(crate) fn due_ns(&self) -> Option<u64> {
-        self.servo.due().filter(|_| self.is_powered).map(|due| due.0)
+        let runs = self.is_powered && !self.servo.holds_torque();
+        self.servo.due().filter(|_| runs).map(|due| due.0)
     }
 
     /// Its inner loops run.

@@ -319,6 +319,11 @@ impl Servo {
         self.stop = Some(Stop { rate_counts_s2, then: Some(then) });
     }
 
+    /// Whether nothing comes of [`Device::tick`] but that what it shows is newer: it gives the torque that it was told last.
+    pub fn holds_torque(&self) -> bool {
+        self.motion.holds_torque(self.actuation())
+    }
+
     fn actuation(&self) -> Actuation {
         Actuation {
             is_energized: self.power.is_energized(),

@@ -241,8 +241,8 @@ impl Motion {
         while self.now < now {
             let left_ns = now.0 - self.now.0;
             let still = self.torque == 0.0 && self.state.speed_rad_s == 0.0;
-            let step_ns =
-                if actuation.is_energized || !still { left_ns.min(self.loop_period_ns) } else { left_ns };
+            let at_once = self.holds_torque(actuation) || !actuation.is_energized && still;
+            let step_ns = if at_once { left_ns } else { left_ns.min(self.loop_period_ns) };
             self.now = HostTime(self.now.0 + step_ns);
             self.state = axis.advance(self.now);
             let step_s = step_ns as f64 * 1e-9;
@@ -257,6 +257,14 @@ impl Motion {
         }
     }
 
+    /// Whether the torque stays as it is until the drive is told another one, whenever its loops run.
+    pub fn holds_torque(&self, actuation: Actuation) -> bool {
+        actuation.is_energized
+            && actuation.stop_rate_counts_s2.is_none()
+            && self.torque_time_constant_s == 0.0
+            && matches!(self.reference, Reference::Torque { rate: f64::INFINITY, .. })
+    }
+
     /// Whether the motor still has a torque.
     pub fn drives(&self) -> bool {
         self.torque != 0.0
@@ -269,7 +277,11 @@ impl Motion {
     }
 
     fn plan_loop(&mut self) {
-        self.next_loop = HostTime((self.now.0 / self.loop_period_ns + 1) * self.loop_period_ns);
+        // Mostly it is one period on: quotients of 64 bits cost much.
+        let following = self.next_loop.0 + self.loop_period_ns;
+        let is_following = (self.next_loop.0..following).contains(&self.now.0);
+        let whole = |now: u64| (now / self.loop_period_ns + 1) * self.loop_period_ns;
+        self.next_loop = HostTime(if is_following { following } else { whole(self.now.0) });
     }
 
     /// Demands as they are at `self.now`.

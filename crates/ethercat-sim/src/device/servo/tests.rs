@@ -271,6 +271,22 @@ fn cst_gives_its_torque_after_a_lag() {
 }
 
 #[test]
+fn nothing_but_a_torque_is_held_between_beats() {
+    // The current loop is the motor's.
+    let config = ServoConfig { torque_time_constant_s: 0.0, ..ServoConfig::default() };
+    for (mode, holds) in [(10, true), (4, false), (9, false), (8, false)] {
+        let mut bench = Bench::with(config.clone());
+        assert!(!bench.servo.holds_torque(), "without current");
+        bench.set_mode(mode);
+        bench.enable();
+        assert_eq!(bench.servo.holds_torque(), holds, "mode {mode}");
+        bench.control(0x02);
+        assert!(!bench.servo.holds_torque(), "it brakes");
+    }
+    assert!(!Bench::enabled(10).servo.holds_torque(), "its current lags");
+}
+
+#[test]
 fn torque_is_limited_and_says_so() {
     let mut bench = Bench::enabled(10);
     bench.set_i16(0x6071, 5000);
