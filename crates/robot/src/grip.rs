@@ -328,8 +328,9 @@ impl Grip {
             period_s: span_s,
         };
         self.identification.learn(&motion);
-        self.slide(wished.filter(|_| is_whole), &motion, span_s);
-        let Watched { dynamics, slope_n: [slope_x_n, slope_y_n], .. } = self.identification.watched();
+        let watched = self.identification.watched();
+        self.slide(wished.filter(|_| is_whole), &motion, &watched, span_s);
+        let Watched { dynamics, slope_n: [slope_x_n, slope_y_n], .. } = watched;
         let [spin_n, roller_n] = dynamics.friction_n;
         let of_both = |per_newton: &[[f64; 3]; 2], axis: usize| {
             spin_n * per_newton[0][axis] + roller_n * per_newton[1][axis]

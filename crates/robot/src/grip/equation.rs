@@ -80,10 +80,16 @@ impl<const N: usize> Estimate<N> {
 
     /// Takes an equation that is `off`, by how much the wrench exceeds what is told, with its whole variance.
     pub(crate) fn take(&mut self, spread: &[f64; N], whole: f64, off: f64) {
-        for (index, line) in self.covariance.iter_mut().enumerate() {
+        // Quotients cost most: what is symmetric is divided once, from an even place on, for two go at a time.
+        for index in 0..N {
             self.theta[index] += spread[index] / whole * off;
-            for (covariance, other) in line.iter_mut().zip(spread) {
-                *covariance -= spread[index] * other / whole;
+            for other in (index & !1)..N {
+                self.covariance[index][other] -= spread[index] * spread[other] / whole;
+            }
+        }
+        for index in 0..N {
+            for other in 0..(index & !1) {
+                self.covariance[index][other] = self.covariance[other][index];
             }
         }
     }

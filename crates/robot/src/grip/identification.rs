@@ -136,6 +136,7 @@ impl Motion {
 }
 
 /// What the watches of slip believe.
+#[derive(Clone, Copy, Debug)]
 pub(super) struct Watched {
     pub(super) dynamics: Dynamics,
     pub(super) mass_sigma_kg: f64,

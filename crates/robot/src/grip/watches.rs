@@ -11,7 +11,7 @@ use crate::signals::{Dynamics, MAX_WHEELS};
 impl Grip {
     /// Which wheels' forces stay where they should follow the setpoint's acceleration, or are less than the least that it can weigh
     /// asks for.
-    pub(super) fn slide(&mut self, wished: Option<Wished>, motion: &Motion, span_s: f64) {
+    pub(super) fn slide(&mut self, wished: Option<Wished>, motion: &Motion, watched: &Watched, span_s: f64) {
         let Some(wished) = wished else {
             self.sliding.forget();
             self.steady.forget();
@@ -30,10 +30,10 @@ impl Grip {
             let slide = self.sliding.look(at, &change, wheel.rim_m_s, pushes_n[at], span_s);
             wheel.slide = slide.filter(|_| wheel.drives(pushes_n[at]));
         }
-        let (shown, moment_nm) = self.pushed(motion, &pushes_n[..count]);
+        let (shown, moment_nm) = self.pushed(motion, watched, &pushes_n[..count]);
         // By speed nothing swings by itself.
         if wished.by_torque || wished.asks_floor {
-            self.ask(&wished, motion, (&shown, moment_nm), &pushes_n);
+            self.ask(&wished, motion, watched, (&shown, moment_nm), &pushes_n);
         } else {
             self.alone.forget();
         }
@@ -59,11 +59,12 @@ impl Grip {
         &mut self,
         wished: &Wished,
         motion: &Motion,
+        watched: &Watched,
         (shown, moment_nm): (&Shown, f64),
         pushes_n: &[f64; MAX_WHEELS],
     ) {
         let (more_m_s2, span_s) = (self.unexplained(motion, shown), motion.period_s);
-        let gains = if wished.by_torque { self.given(motion, shown, moment_nm) } else { [0.0; 3] };
+        let gains = if wished.by_torque { self.given(motion, watched, shown, moment_nm) } else { [0.0; 3] };
         let wheels = self.wheels.iter().zip(self.kinematics.matrix()).zip(pushes_n);
         for (at, ((wheel, row), push_n)) in wheels.enumerate() {
             let along_m_s2: f64 = row.iter().zip(gains).map(|(row, gain)| row * gain).sum();
@@ -135,8 +136,8 @@ impl Grip {
     }
 
     /// What the platform's twist gains in body axes by what the wheels push, of one that weighs what its file tells at least.
-    fn given(&self, motion: &Motion, shown: &Shown, moment_nm: f64) -> [f64; 3] {
-        let mut dynamics = self.identification.watched().dynamics;
+    fn given(&self, motion: &Motion, watched: &Watched, shown: &Shown, moment_nm: f64) -> [f64; 3] {
+        let mut dynamics = watched.dynamics;
         dynamics.mass_kg = dynamics.mass_kg.max(self.told_kg);
         let [x_n, y_n] = [0, 1].map(|axis| shown.push_n[axis] + shown.slope_n[axis] - shown.friction_n[axis]);
         let [along, across, gain] = dynamics.acceleration([x_n, y_n, moment_nm], motion.turn_rad_s);
@@ -145,11 +146,11 @@ impl Grip {
     }
 
     /// What the wheels push the platform with, beside how it moves by them; and the moment that turns it, N·m.
-    fn pushed(&self, motion: &Motion, pushes_n: &[f64]) -> (Shown, f64) {
+    fn pushed(&self, motion: &Motion, watched: &Watched, pushes_n: &[f64]) -> (Shown, f64) {
         let rims = self.kinematics.wheels();
         let torques_nm = PerWheel::from_fn(pushes_n.len(), |at| pushes_n[at] * rims[at].radius_m);
         let wrench = self.kinematics.wrench(&torques_nm);
-        let Watched { dynamics, mass_sigma_kg, slope_n } = self.identification.watched();
+        let Watched { dynamics, mass_sigma_kg, slope_n } = *watched;
         let Dynamics { mass_kg, friction_n: [spin_n, roller_n], .. } = dynamics;
         let [by_spin, by_roller] = motion.friction_per_newton;
         let [along_n, across_n, about_nm] =
