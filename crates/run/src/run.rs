@@ -160,6 +160,8 @@ struct Cycle<'a> {
     pauses: Pauses,
     events: Vec<(u64, Words)>,
     time: CycleTime,
+    /// That of [`RobotPlan::input_age_ns`].
+    input_age_ns: u64,
     last: CycleRecord,
     overruns: u64,
     lost_frames: u64,
@@ -206,6 +208,7 @@ impl<'a> Cycle<'a> {
             pauses: Pauses::default(),
             events: Vec::with_capacity(MOST_EVENTS),
             time: CycleTime::on_grid(0, plan.bus.cycle_ns),
+            input_age_ns: plan.input_age_ns(),
             last: CycleRecord::default(),
             overruns: 0,
             lost_frames: 0,
@@ -267,10 +270,10 @@ impl<'a> Cycle<'a> {
         let from = session.clock().now();
         self.last = *self.robot.compute(self.time, exchange, request, session.image());
         let compute_ns = (session.clock().now() - from).as_nanos() as u64;
-        let inputs_ns = times.wake.0.saturating_sub(self.plan.input_age_ns());
+        let inputs_ns = times.wake.0.saturating_sub(self.input_age_ns);
         let truth = self.witness.as_mut().map(|witness| witness.look(inputs_ns));
         if let Some((sensors, truth)) = self.sensors.as_mut().zip(truth.as_ref()) {
-            sensors.look(self.time.now_ns.saturating_sub(self.plan.input_age_ns()), truth);
+            sensors.look(self.time.now_ns.saturating_sub(self.input_age_ns), truth);
         }
         let errors = self.tracking.take(&self.last, truth.as_ref());
         let authority = self.live.as_ref().map(LiveEnd::authority).unwrap_or_default();
