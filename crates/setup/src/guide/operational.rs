@@ -38,6 +38,8 @@ const CONTROL_WORD: u16 = 0x6040;
 const MODE_CYCLES: u32 = 1000;
 const LOOK_CYCLES: u32 = 10;
 
+/// What objects of one drive hold.
+type Held = Vec<(ObjectAddress, Vec<u8>)>;
 /// What objects of drives hold, by the drive's position.
 type Values = BTreeMap<(u16, ObjectAddress), Vec<u8>>;
 
@@ -320,10 +322,7 @@ fn wished_objects(maps: &[SyncManagerPdos]) -> Objects {
 }
 
 /// What a drive holds that it maps beside what a jog tells, or the object that can't be read; an error where it doesn't say anything.
-fn kept<C: Clock>(
-    bus: &mut AnyBus<C>,
-    position: u16,
-) -> Result<Result<Vec<(ObjectAddress, Vec<u8>)>, ObjectAddress>, SetUpError> {
+fn kept<C: Clock>(bus: &mut AnyBus<C>, position: u16) -> Result<Result<Held, ObjectAddress>, SetUpError> {
     let [outputs, _] = objects(&bus.subdevices()[usize::from(position)]);
     let is_kept =
         |object: ObjectAddress| !is_command(object) && ![MODE.index, MAX_TORQUE].contains(&object.index);
