@@ -41,6 +41,44 @@ fn what_is_set_in_a_drive_that_refuses_another_value_stays() {
     });
 }
 
+/// What a drive refuses once and takes later is what it held, not what a jog left there meanwhile; and what somebody sets there stays.
+#[test]
+fn what_was_refused_once_is_put_back_later_or_stays_as_somebody_set_it() {
+    for is_set in [false, true] {
+        let (link, clock) = drives_of(BASE);
+        let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> {
+            Ok((Box::new(link.clone()), clock.clone()))
+        };
+        let set = |value: i32| by_tool(&link, &clock).sdo_write(2, OFFSET, &value.to_le_bytes()).unwrap();
+        set(5000);
+        with_found(BASE, &mut open, &mut Nobody, |guide| {
+            let remember = |guide: &mut Guide<'_, VirtualClock>, bytes: &[u8]| {
+                let all = guide.written.iter_mut().filter(|one| one.drive.position == 2);
+                let mut objects = all.flat_map(|one| &mut one.drive.was);
+                let its = objects.find(|one| one.0 == OFFSET.index).unwrap();
+                its.2 = bytes.to_vec();
+            };
+            guide.operational().unwrap();
+            // No drive takes three bytes of four.
+            remember(guide, &[1, 2, 3]);
+            assert_eq!(guide.leave_as_found().len(), 1);
+            if is_set {
+                set(777);
+                assert!(guide.leave_as_found().is_empty());
+            } else {
+                guide.operational().unwrap();
+                remember(guide, &5000_i32.to_le_bytes());
+                assert!(guide.leave_as_found().is_empty());
+            }
+            assert!(guide.record.jogged.is_empty());
+        });
+        let expected = if is_set { 777_i32 } else { 5000 };
+        let now = by_tool(&link, &clock).sdo_read(2, OFFSET, SdoAccess::Entry).unwrap();
+        assert_eq!(now, expected.to_le_bytes());
+        assert_eq!(max_torques(&link, &clock), [3000; 3]);
+    }
+}
+
 /// A drive that didn't take all back keeps the limit of a jog, too, by which it is known among those that look like it.
 #[test]
 fn drives_that_look_alike_are_known_by_their_limit_until_they_took_all_back() {
@@ -190,6 +228,23 @@ fn what_a_busy_drive_does_not_tell_takes_no_finding_away() {
     }
 }
 
+/// Somebody went on with what a jog may have left: that is over once all are known to be free of it.
+#[test]
+fn what_was_gone_on_with_is_found_until_all_limits_are_known() {
+    let (link, clock) = drives_of(BASE);
+    let link = Busy { link, object: Rc::default() };
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.tell_found_of(crate::record::GONE_ON, vec!["gone on".to_owned()]);
+        for (busy, found) in [(Some(TORQUE), &["gone on"][..]), (None, &[])] {
+            link.object.set(busy);
+            guide.look_at_limits();
+            assert_eq!(guide.record.findings, found);
+        }
+    });
+}
+
 /// A drive that lost its supply at the emergency stop holds what is stored in it, not what somebody had set before.
 #[test]
 fn what_was_lost_with_the_supply_is_not_put_back() {
@@ -231,6 +286,18 @@ fn a_limit_that_came_up_meanwhile_is_told_at_the_end() {
     });
 }
 
+/// Breaks off while alias 7 is written into the second EEPROM; what it held.
+fn half_written(link: &Powered, clock: &VirtualClock) -> Vec<u8> {
+    let link = Interrupted { link: link.clone(), sent: Rc::default(), lost: Rc::default() };
+    let mut bus = Bus::new(link.clone(), clock.clone(), BusOptions::default());
+    bus.scan().unwrap();
+    let before = bus.read_sii(1).unwrap();
+    let after = bus.sii_with_alias(1, 7).unwrap().unwrap();
+    link.lost.set([link.sent.get() + 20, u32::MAX]);
+    bus.write_sii(1, &before, &after).unwrap_err();
+    before
+}
+
 /// Half of an EEPROM keeps all drives from PRE-OP: who switches them off and on, and who goes on without, comes to where it is made
 /// whole, and nobody who is there is called gone.
 #[test]
@@ -246,14 +313,7 @@ fn is_no_end(says: &'static str) {
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     with_found(BASE, &mut open, &mut Nobody, |guide| record.jogged = vec![guide.record.drives[2].clone()]);
-    let broken = Interrupted { link: link.clone(), sent: Rc::default(), lost: Rc::default() };
-    let mut bus = Bus::new(broken.clone(), clock.clone(), BusOptions::default());
-    bus.scan().unwrap();
-    let before = bus.read_sii(1).unwrap();
-    let after = bus.sii_with_alias(1, 7).unwrap().unwrap();
-    broken.lost.set([broken.sent.get() + 20, u32::MAX]);
-    bus.write_sii(1, &before, &after).unwrap_err();
-    drop(bus);
+    let before = half_written(&link, &clock);
     let begins = before[..omnibase_ethercat::wire::sii::HEADER].to_vec();
     record.writing = Some(AliasWrite { position: 1, alias: 7, begins });
     let mut hand = Notes::new(|id| match id {
@@ -282,4 +342,31 @@ fn is_no_end(says: &'static str) {
     assert!(!hand.asked.contains(&"gone for good".to_owned()));
     let mut bus = by_tool(&link, &clock);
     assert_eq!(bus.read_sii(1).unwrap(), before);
+}
+
+/// Whoever goes on after he switched all off and on, though they can't be asked yet, isn't told that he didn't.
+#[test]
+fn who_was_switched_off_and_on_is_not_gone_on_with() {
+    let (link, clock, injector) = faulty_segment_of(SERVOS);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let mut record = Record::default();
+    with_found(BASE, &mut open, &mut Nobody, |guide| record.jogged = vec![guide.record.drives[2].clone()]);
+    // An EEPROM that somebody else left half-written: nobody is brought to PRE-OP.
+    half_written(&link, &clock);
+    let mut times = 0;
+    let mut hand = Notes::new(|_| {
+        times += 1;
+        for position in (0..3).filter(|_| times == 1) {
+            injector.inject(position, Fault::PowerOff);
+            injector.inject(position, Fault::PowerOn);
+        }
+        Some(if times == 1 { "done" } else { "go on" })
+    });
+    with_record(BASE, record, &mut open, &mut hand, |guide| {
+        assert!(matches!(guide.run(), Err(SetupError::Bus(_))));
+        assert_eq!(guide.record.jogged.len(), 0);
+        assert!(guide.record.log.iter().all(|words| !words.contains("gone on")), "{:?}", guide.record.log);
+    });
+    assert_eq!(hand.asked, ["jogged", "jogged"]);
 }
