@@ -7,9 +7,10 @@ use omnibase_trials::{Trial, framed, plan_of, robots};
 use crate::callgrind;
 
 /// Frames, chips, firmware, drives and machine.
-const MOST_FRAMED: u64 = 40_500;
-/// Drives and machine alone.
-const MOST_ALONE: u64 = 30_800;
+const MOST_FRAMED: u64 = 38_400;
+/// Drives and machine alone, by speed and by torque.
+const MOST_ALONE: u64 = 28_600;
+const MOST_BY_TORQUE: u64 = 22_000;
 
 /// Three wheels on a circle, one turn in twenty seconds.
 fn on_a_circle(cycles: u64) -> String {
@@ -33,9 +34,21 @@ fn a_cycle_of_the_simulated_robot_costs_no_more_instructions_than_it_may() {
 #[test]
 fn a_cycle_without_frames_and_chips_costs_no_more_instructions_than_it_may() {
     let test = "counts::a_cycle_without_frames_and_chips_costs_no_more_instructions_than_it_may";
+    a_cycle_alone_costs_at_most(MOST_ALONE, test, &on_a_circle(4000));
+}
+
+/// Between two beats a drive that holds its torque has nothing to do.
+#[test]
+fn a_cycle_by_torque_without_frames_and_chips_costs_no_more_instructions_than_it_may() {
+    let test = "counts::a_cycle_by_torque_without_frames_and_chips_costs_no_more_instructions_than_it_may";
+    let robot = on_a_circle(4000).replace("closed_loop_speed", "adaptive_torque");
+    a_cycle_alone_costs_at_most(MOST_BY_TORQUE, test, &robot);
+}
+
+fn a_cycle_alone_costs_at_most(most: u64, test: &str, robot: &str) {
     let functions = ["omnibase_trials::trial::Trial::exchange"];
-    callgrind::a_cycle_costs_at_most(MOST_ALONE, test, &functions, [500, 1000], |cycles| {
-        let mut trial = Trial::new(plan_of(&on_a_circle(4000)));
+    callgrind::a_cycle_costs_at_most(most, test, &functions, [500, 1000], |cycles| {
+        let mut trial = Trial::new(plan_of(robot));
         trial.enable();
         trial.step(Some(RequestKind::Track));
         trial.run(cycles);
