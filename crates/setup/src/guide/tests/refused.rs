@@ -79,6 +79,30 @@ fn what_was_refused_once_is_put_back_later_or_stays_as_somebody_set_it() {
     }
 }
 
+/// Its limit waits for what the last motion wrote, too, though what an earlier one left is taken back by now.
+#[test]
+fn a_limit_waits_for_all_that_a_drive_refuses() {
+    let (link, clock) = drives_of(BASE);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    by_tool(&link, &clock).sdo_write(2, OFFSET, &5000_i32.to_le_bytes()).unwrap();
+    with_found(BASE, &mut open, &mut Nobody, |guide| {
+        guide.operational().unwrap();
+        guide.written[2].drive.was.push(NOWHERE);
+        assert_eq!(guide.leave_as_found().len(), 1);
+        guide.operational().unwrap();
+        for one in &mut guide.written {
+            one.drive.was.retain(|object| *object != NOWHERE);
+            if one.drive.position == 2 {
+                let offsets = one.drive.was.iter_mut().filter(|object| object.0 == OFFSET.index);
+                offsets.for_each(|object| object.2 = vec![1, 2, 3]);
+            }
+        }
+        assert_eq!(guide.leave_as_found().len(), 1);
+        assert_eq!(max_torques(&link, &clock), [3000, 3000, 0]);
+    });
+}
+
 /// A drive that didn't take all back keeps the limit of a jog, too, by which it is known among those that look like it.
 #[test]
 fn drives_that_look_alike_are_known_by_their_limit_until_they_took_all_back() {
