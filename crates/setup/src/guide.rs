@@ -282,7 +282,7 @@ impl<'a, C: Clock> Guide<'a, C> {
         let refused = self.leave_as_found();
         self.tell_left(&refused);
         if ended.is_ok() {
-            self.look_at_limits();
+            self.look_at_end();
         }
         ended
     }

@@ -397,8 +397,8 @@ impl<C: Clock> Guide<'_, C> {
         self.tell_found_of(LIMITED, texts);
     }
 
-    /// The same at the end: what was told before may be over, and drives may have been swapped since.
-    pub(super) fn look_at_limits(&mut self) {
+    /// The same at the end, and who adds something: what was told before may be over, and drives may have been swapped since.
+    pub(super) fn look_at_end(&mut self) {
         let Ok(mut bus) = self.bus() else { return };
         let mut now = Vec::new();
         for drive in &self.record.drives {
@@ -406,6 +406,7 @@ impl<C: Clock> Guide<'_, C> {
             now.push(was);
         }
         self.record.drives.iter_mut().zip(now).for_each(|(drive, was)| drive.was = was);
+        self.tell_offsets();
         self.tell_limited();
         self.kept();
     }

@@ -185,7 +185,7 @@ impl<C: Clock> Guide<'_, C> {
     }
 
     /// Who adds something to what it is told; of whom that isn't known now, what was found stays.
-    fn tell_offsets(&mut self) {
+    pub(super) fn tell_offsets(&mut self) {
         let mut texts = Vec::new();
         for drive in &self.record.drives {
             for (index, bytes) in OFFSETS {

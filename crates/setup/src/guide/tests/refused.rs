@@ -234,7 +234,7 @@ fn what_a_busy_drive_does_not_tell_takes_no_finding_away() {
             assert_eq!(found.len(), 2, "{found:?}");
             link.object.set(Some(object));
             guide.compare().unwrap();
-            guide.look_at_limits();
+            guide.look_at_end();
             let mut still = guide.record.findings.clone();
             still.sort();
             // The limits of all are known where an offset isn't.
@@ -263,7 +263,7 @@ fn what_was_gone_on_with_is_found_until_all_limits_are_known() {
         guide.tell_found_of(crate::record::GONE_ON, vec!["gone on".to_owned()]);
         for (busy, found) in [(Some(TORQUE), &["gone on"][..]), (None, &[])] {
             link.object.set(busy);
-            guide.look_at_limits();
+            guide.look_at_end();
             assert_eq!(guide.record.findings, found);
         }
     });
@@ -298,14 +298,17 @@ fn what_was_lost_with_the_supply_is_not_put_back() {
 
 /// What drives hold is looked at once more at the end, whatever was found before.
 #[test]
-fn a_limit_that_came_up_meanwhile_is_told_at_the_end() {
+fn what_came_up_or_is_over_meanwhile_is_told_at_the_end() {
     let (link, clock) = drives_of(BASE);
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    by_tool(&link, &clock).sdo_write(0, OFFSET, &5000_i32.to_le_bytes()).unwrap();
     with_found(BASE, &mut open, &mut Nobody, |guide| {
-        assert_eq!(guide.record.findings, Vec::<String>::new());
+        assert_eq!(guide.record.findings.len(), 1, "it adds 5000");
+        by_tool(&link, &clock).sdo_write(0, OFFSET, &[0; 4]).unwrap();
         by_tool(&link, &clock).sdo_write(1, TORQUE, &[100, 0]).unwrap();
-        guide.look_at_limits();
+        guide.look_at_end();
+        assert_eq!(guide.record.findings.len(), 1);
         assert!(guide.record.findings[0].starts_with("SubDevice 1: its max torque (6072) is 100 per mille"));
     });
 }
