@@ -259,11 +259,11 @@ impl<C: Clock> Guide<'_, C> {
         for position in 0..bus.subdevices().len() as u16 {
             if let Some(drive) = self.record.drives.iter().find(|drive| drive.position == position) {
                 let [outputs, _] = objects(&bus.subdevices()[usize::from(position)]);
-                let is_lost = |object: &ObjectAddress| {
+                let is_unread = |object: &ObjectAddress| {
                     OFFSETS.iter().any(|(offset, _)| *offset == object.index)
                         && !has(&drive.was, (object.index, object.subindex))
                 };
-                if let Some(object) = outputs.into_iter().map(|(object, _)| object).find(is_lost) {
+                if let Some(object) = outputs.into_iter().map(|(object, _)| object).find(is_unread) {
                     return Err(unreadable(position, object));
                 }
                 let kept = kept(bus, position).map_err(|error| in_words(&error))?;

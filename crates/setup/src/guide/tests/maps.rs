@@ -137,6 +137,26 @@ fn what_else_a_drive_maps_is_as_it_was_behind_a_jog_and_commands_are_nothing() {
     });
 }
 
+/// What is mapped and added to a speed is told in each frame: a drive that is busy when it is asked for it isn't jogged.
+#[test]
+fn what_is_added_to_a_speed_and_mapped_is_known_before_a_jog() {
+    let entry = "<Entry><Index>#x60B1</Index><SubIndex>0</SubIndex><BitLen>32</BitLen></Entry>";
+    let (link, clock) = made(&[(TARGET_TORQUE, &format!("{TARGET_TORQUE}{entry}"))]);
+    let link = refused::Busy { link, object: Rc::default() };
+    let object = ObjectAddress::new(0x60B1, 0);
+    by_tool(&link.link, &clock).sdo_write(1, object, &9_999_i32.to_le_bytes()).unwrap();
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    with_found(&base("sync0", true), &mut open, &mut Nobody, |guide| {
+        link.object.set(Some(object));
+        let words = guide.operational().map(drop).unwrap_err().to_string();
+        assert!(words.contains("its map has 60b1:00, and what stands there can't be read"), "{words}");
+        link.object.set(None);
+        guide.leave_as_found();
+        assert_eq!(held(&mut by_tool(&link.link, &clock), 1, 0x60B1), 9_999);
+    });
+}
+
 /// It would turn faster than was told, or the other way, as if its encoder counted against its motor.
 #[test]
 fn what_is_added_to_a_speed_and_is_not_mapped_is_nothing_in_a_jog_and_put_back() {

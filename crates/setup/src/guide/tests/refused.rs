@@ -160,9 +160,9 @@ fn what_is_not_read_again_takes_no_finding_away() {
 
 /// A drive that is busy when it is asked for one object.
 #[derive(Clone)]
-struct Busy {
-    link: Powered,
-    object: Rc<std::cell::Cell<Option<ObjectAddress>>>,
+pub(super) struct Busy {
+    pub(super) link: Powered,
+    pub(super) object: Rc<std::cell::Cell<Option<ObjectAddress>>>,
 }
 
 impl Link for Busy {
