@@ -119,7 +119,8 @@ impl Epoch {
             if standing.is_doubtful() {
                 standing.doubted = [standing.doubted[0].max(size[0]), standing.doubted[1].max(size[1])];
             }
-            if is_refuted {
+            // What says the same whatever the platform does stays anywhere, and tells of no place.
+            if is_refuted || repeats {
                 standing.elsewhere = None;
             } else {
                 self.look_elsewhere(sensor, heard, known, off, bound, back);

@@ -15,8 +15,9 @@ struct Returned {
     good_s: f64,
 }
 
-/// Silent for 1.7 s on the way, in which wheels tell so much more than is true; then it says a place so far off.
-fn returns(told_more: f64, jump_m: f64) -> Returned {
+/// Silent for 1.7 s on the way, in which wheels tell so much more than is true; then it says a place so far off, of a platform that is free to
+/// be carried from then on, or driven.
+fn returns(told_more: f64, jump_m: f64, is_free: bool) -> Returned {
     let sensors = [tracker()];
     let mut world = World::new(5, &sensors);
     let mut filter = Filter::new(settings(), &sensors);
@@ -30,6 +31,7 @@ fn returns(told_more: f64, jump_m: f64) -> Returned {
             let more = 1.0 + told_more;
             motion.body_from_next = BodyStep::new(more * x_m, more * y_m, more * angle_rad).exp();
         }
+        motion.is_free = is_free && world.now_ns >= from_ns;
         filter.advance(world.now_ns, &motion);
         if (world.now_ns / PERIOD_NS).is_multiple_of(10) {
             let said = world.read(0);
@@ -63,7 +65,7 @@ fn returns(told_more: f64, jump_m: f64) -> Returned {
 #[test]
 fn a_tracker_that_is_right_after_a_silence_is_believed_though_wheels_slipped_meanwhile() {
     for told_more in [0.05, -0.05, 0.1, 0.15] {
-        let Returned { verdict, off_m, sigmas, good_s } = returns(told_more, 0.0);
+        let Returned { verdict, off_m, sigmas, good_s } = returns(told_more, 0.0, false);
         println!("{told_more}: {verdict:?} from {good_s} s on, {off_m:.4} m off, within {sigmas:.2} sigma");
         assert_eq!(verdict, Verdict::Good, "{told_more}");
         assert!(good_s < 0.05 && off_m < 2e-3 && sigmas < 4.0, "{told_more}: {good_s} {off_m} {sigmas}");
@@ -73,11 +75,52 @@ fn a_tracker_that_is_right_after_a_silence_is_believed_though_wheels_slipped_mea
 #[test]
 fn one_that_comes_back_elsewhere_is_named() {
     for jump_m in [1.0, -0.5, 0.3] {
-        let Returned { verdict, off_m, sigmas, .. } = returns(0.0, jump_m);
+        let Returned { verdict, off_m, sigmas, .. } = returns(0.0, jump_m, false);
         println!("{jump_m}: {verdict:?}, {off_m:.4} m off, within {sigmas:.2} sigma");
         assert_eq!(verdict, Verdict::Contradicts, "{jump_m}");
         assert!(off_m < 0.05 && sigmas < 3.0, "{jump_m}: {off_m} {sigmas}");
     }
+}
+
+#[test]
+fn one_that_says_the_same_other_place_for_a_second_of_a_robot_that_was_carried_is_believed() {
+    for jump_m in [1.0, -0.5, 0.3] {
+        let Returned { verdict, off_m, good_s, .. } = returns(0.0, jump_m, true);
+        println!("{jump_m}: {verdict:?} from {good_s} s on, {off_m:.4} m off");
+        assert_eq!(verdict, Verdict::Good, "{jump_m}");
+        assert!(
+            (1.0..3.0).contains(&good_s) && (off_m - jump_m.abs()).abs() < 5e-3,
+            "{jump_m}: {good_s} {off_m}"
+        );
+    }
+}
+
+#[test]
+fn one_that_froze_is_not_believed_because_torque_is_off_until_it_says_something_new() {
+    let sensors = [tracker()];
+    let mut world = World::new(5, &sensors);
+    let mut filter = Filter::new(settings(), &sensors);
+    let mut frozen = None;
+    let (freezes_ns, free_ns, lives_ns) =
+        [4.0, 5.0, 9.0].map(|after_s| world.now_ns + (1e9 * after_s) as u64).into();
+    let mut returned_s = None;
+    for _ in 0..10_500 {
+        let mut motion = world.step();
+        motion.is_free = world.now_ns >= free_ns;
+        filter.advance(world.now_ns, &motion);
+        if (world.now_ns / PERIOD_NS).is_multiple_of(10) {
+            let mut said = world.read(0);
+            if (freezes_ns..lives_ns).contains(&world.now_ns) {
+                said = *frozen.get_or_insert(said);
+            }
+            filter.hear(0, world.now_ns, &said);
+        }
+        if world.now_ns > freezes_ns + 500_000_000 && filter.verdict(0).0 != Verdict::Frozen {
+            returned_s.get_or_insert((world.now_ns as f64 - lives_ns as f64) * 1e-9);
+        }
+    }
+    let returned_s = returned_s.expect("it lives again");
+    assert!((0.0..1.2).contains(&returned_s), "{returned_s} s after it lived again");
 }
 
 /// What is 500 ms late but steady isn't silent; who never spoke is.
