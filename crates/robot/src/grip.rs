@@ -58,6 +58,8 @@ const ALIKE_SHARE: f64 = 0.25;
 const LASTING_NS: u64 = 10_000_000;
 /// A wheel that grips makes up for what it slipped, s: many short slips are a long one.
 const FORGOTTEN_S: f64 = 2.0;
+/// What slid may slide on for so long though no watch says so any more, s: as a stop goes on.
+const SLIDES_ON_S: f64 = 0.5;
 /// Longer than this v̂ is no witness without the wheel, ns.
 const LONGEST_NS: u64 = 2_000_000_000;
 /// After so many periods without a complete exchange v̂ begins anew.
@@ -153,15 +155,36 @@ struct Wheel {
     /// For how long it says the opposite of `slips`, and for how long it slips, ns.
     doubted_ns: u64,
     since_ns: u64,
-    /// By how much it slipped lately, and as of the cycle before, m.
+    /// By how much it slipped lately, m; by how much it may have, and what of that was told before, and now.
     way_m: f64,
-    way_before_m: f64,
+    may_m: f64,
+    told_m: f64,
+    unread_m: f64,
+    /// Its rim's speed when it began to be loose, m/s, and for how long it isn't by now, s.
+    loose_from: Option<(f64, f64)>,
 }
 
 impl Wheel {
     /// Whether it says nothing of the platform's motion.
     fn is_loose(&self) -> bool {
         self.slips || self.slide.is_some()
+    }
+
+    /// Adds to the way that it may have slipped. What the rim of a wheel gained since it was loose the platform may have gained not at all,
+    /// nor lost, for as long as it may slide on.
+    fn doubt(&mut self, span_s: f64, forgotten: &mut Decay) {
+        let (from_m_s, gripped_s) = self.loose_from.unwrap_or((self.rim_m_s, f64::INFINITY));
+        let gripped_s = if self.is_loose() { 0.0 } else { gripped_s + span_s };
+        self.loose_from = (gripped_s < SLIDES_ON_S).then_some((from_m_s, gripped_s));
+        self.unread_m = 0.0;
+        if self.loose_from.is_some() {
+            self.may_m = self.way_m.max(self.may_m + span_s * (self.rim_m_s - from_m_s).abs());
+            self.unread_m = (self.may_m * self.may_m - self.told_m * self.told_m).max(0.0).sqrt();
+            self.told_m = self.may_m;
+        } else {
+            self.may_m = self.way_m.max(forgotten.kept(span_s) * self.may_m);
+            self.told_m = self.told_m.min(self.may_m);
+        }
     }
 
     /// Whether its motor is what makes it push the floor so, N: what the floor turns by itself is no slide, and a motor that pushes the other
@@ -232,7 +255,7 @@ impl Grip {
         wished: Option<Wished>,
     ) -> GripReport {
         self.periods = self.periods.saturating_add(1);
-        self.wheels.iter_mut().for_each(|wheel| wheel.way_before_m = wheel.way_m);
+        self.wheels.iter_mut().for_each(|wheel| wheel.unread_m = 0.0);
         self.predict(time.period_s());
         self.is_turn_told = turn_rad_s.is_some();
         if let (Some(body), Some(turn_rad_s)) = (&mut self.body, turn_rad_s) {
@@ -257,12 +280,7 @@ impl Grip {
 
     /// How far the wheels may have rolled in this cycle, rad, without moving the platform: the ways of a slip add up.
     pub(crate) fn unread_rad(&self, wheel: usize) -> f64 {
-        let Some(Wheel { way_m, way_before_m, .. }) = self.wheels.get(wheel).filter(|wheel| wheel.is_loose())
-        else {
-            return 0.0;
-        };
-        let radius_m = self.kinematics.wheels()[wheel].radius_m;
-        (way_m * way_m - way_before_m * way_before_m).max(0.0).sqrt() / radius_m
+        self.wheels.get(wheel).map_or(0.0, |told| told.unread_m / self.kinematics.wheels()[wheel].radius_m)
     }
 
     /// Nothing is known of the motion before the next measurement.
@@ -381,8 +399,8 @@ impl Grip {
     fn rest(&mut self) {
         (self.body, self.acceleration, self.sigma) = (Some(self.shown), [0.0; 3], [0.0; 3]);
         for wheel in self.wheels.iter_mut() {
-            let Wheel { rim_m_s, gains_m_s2, force_n, way_m, way_before_m, .. } = *wheel;
-            *wheel = Wheel { rim_m_s, gains_m_s2, force_n, way_m, way_before_m, ..Wheel::default() };
+            let Wheel { rim_m_s, gains_m_s2, force_n, way_m, may_m, told_m, .. } = *wheel;
+            *wheel = Wheel { rim_m_s, gains_m_s2, force_n, way_m, may_m, told_m, ..Wheel::default() };
         }
     }
 
@@ -475,6 +493,7 @@ impl Grip {
                     is_counted = true;
                 }
             }
+            wheel.doubt(span_s, &mut self.forgotten);
         }
         if is_counted {
             self.steady.count();

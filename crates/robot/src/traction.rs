@@ -372,4 +372,29 @@ mod tests {
         let [pushed, alone] = [[-1.2, -0.4], [0.0; 2]].map(|slope_m_s2| asked([0.0; 2], slope_m_s2, true).1);
         assert_eq!(pushed, alone);
     }
+
+    #[test]
+    fn torques_are_held_to_what_the_floor_gives_in_one_direction_and_who_slips_gets_half() {
+        let mut traction = bmm(1.5, TOLD);
+        let (at_rest, grip) = (accelerating(0.0, 0.0), on([0.0; 2]));
+        let mut capped = |wished: [f64; 3], slips_m_s: f64| {
+            let slips =
+                GripReport { slip_m_s: [slips_m_s; MAX_WHEELS], slipped_m: [0.1; MAX_WHEELS], ..grip };
+            traction.look(&TIME, if slips_m_s == 0.0 { &grip } else { &slips }, &PlatformState::default());
+            let mut commands = Commands { quantity: Quantity::Torque, ..Commands::default() };
+            commands.values[..3].copy_from_slice(&wished);
+            let capped = traction.cap(commands, &at_rest, &grip, false);
+            [capped.values[0], capped.values[1], capped.values[2]]
+        };
+        let little = [1.0, -2.0, 1.5];
+        assert_eq!(capped(little, 0.0), little);
+        // A wheel bears a third of 70 kg, of which the floor gives half, at 0.1 m.
+        let [a, b, c] = capped([30.0, -60.0, 45.0], 0.0);
+        assert!((a / b + 0.5).abs() < 1e-12 && (c / b + 0.75).abs() < 1e-12, "{a} {b} {c}");
+        assert!((5.0..20.0).contains(&b.abs()), "{b}");
+        // Slipping forwards half of it; what brakes the slip stays.
+        let [spins, ..] = capped([60.0, 0.0, 0.0], 0.5);
+        let [brakes, ..] = capped([60.0, 0.0, 0.0], -0.5);
+        assert!((spins / brakes - SLIPPING).abs() < 1e-12, "{spins} {brakes}");
+    }
 }

@@ -67,7 +67,7 @@ fn row(who: &[&str; 2], slope_rad: f64, floor: &str, texts: &[String], rests: u6
             stopped += u32::from(slid.stopped == SafetyReason::WheelSlip);
             way_m = way_m.max(slid.way_m);
             off_m = off_m.max(slid.run.true_final_m);
-            apart_m = apart_m.max(slid.apart_m);
+            apart_m = apart_m.max(slid.apart.distance_m());
             took_s += slid.run.cycles as f64 * 1e-3;
         }
     }

@@ -54,7 +54,7 @@ pub struct PoseError {
 }
 
 impl PoseError {
-    fn new(state: &PlatformState, truth: Pose2) -> PoseError {
+    pub(crate) fn new(state: &PlatformState, truth: Pose2) -> PoseError {
         let believed = state.odom_from_body;
         let error = [
             truth.x_m - believed.x_m,
@@ -70,6 +70,11 @@ impl PoseError {
     /// How far away it is, m.
     pub fn distance_m(&self) -> f64 {
         self.error[0].hypot(self.error[1])
+    }
+
+    /// The most that x, y or heading are off by, in standard deviations.
+    pub fn most_sigmas(&self) -> f64 {
+        self.error.iter().zip(self.sigmas).fold(0.0, |most, (error, sigma)| most.max(error.abs() / sigma))
     }
 
     /// Which of x, y and heading are off by more than three standard deviations; chance does so with 0.27 % of each.

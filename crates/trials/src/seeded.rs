@@ -111,11 +111,13 @@ pub enum Wrong {
     Unnamed,
     /// It came to its end and isn't where it believes to be.
     Lost,
+    /// It stopped by a name, farther from where it believes to be than it says that it may be.
+    Unsure,
 }
 
 impl Wrong {
     /// All of them.
-    pub const ALL: [Wrong; 8] = [
+    pub const ALL: [Wrong; 9] = [
         Wrong::LimitCycle,
         Wrong::SpinAway,
         Wrong::FalseSlip,
@@ -124,6 +126,7 @@ impl Wrong {
         Wrong::Misnamed,
         Wrong::Unnamed,
         Wrong::Lost,
+        Wrong::Unsure,
     ];
 
     /// For a table.
@@ -137,6 +140,7 @@ impl Wrong {
             Wrong::Misnamed => "wheel named as wired wrongly",
             Wrong::Unnamed => "stop without a name",
             Wrong::Lost => "at the end, and not where it believes to be",
+            Wrong::Unsure => "stopped by a name, and not where it believes to be",
         }
     }
 }
@@ -179,6 +183,7 @@ impl Outcome {
             }
             Wrong::Unnamed => !self.run.finished && !is_named,
             Wrong::Lost => !is_named && self.off_m > LOST_M.max(self.sure_m),
+            Wrong::Unsure => is_named && self.off_m > LOST_M.max(self.sure_m),
         }
     }
 }

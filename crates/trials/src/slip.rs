@@ -5,6 +5,7 @@ use omnibase_robot::signals::{MAX_WHEELS, SafetyReason, Setpoint};
 use omnibase_robot_sim::{Body, MachineParameters, Mechanics};
 use omnibase_run::simulated;
 
+use crate::builds::PoseError;
 use crate::robots::with_payload;
 use crate::{Run, Trial, plan_of};
 
@@ -83,8 +84,8 @@ pub struct Slid {
     pub torque_nm: f64,
     /// Why it stopped, where it did.
     pub stopped: SafetyReason,
-    /// How far truth and belief were apart where its motion ended, m.
-    pub apart_m: f64,
+    /// How far truth and belief were apart where its motion ended.
+    pub apart: PoseError,
     /// The floor's friction as it was found.
     pub friction: Option<f64>,
 }
@@ -259,7 +260,7 @@ impl Slid {
             slid.friction = record.grip.friction;
             let pose = machine.truth().pose;
             let truth = Pose2 { x_m: pose.x_m, y_m: pose.y_m, heading_rad: pose.heading_rad };
-            slid.apart_m = record.state.odom_from_body.distance_m(truth);
+            slid.apart = PoseError::new(&record.state, truth);
         });
         slid.spun = spin.longest;
         slid.torque_nm = machine.lock().greatest_torques_n_m().iter().fold(0.0, |a, b| a.max(*b));

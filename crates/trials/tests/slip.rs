@@ -53,6 +53,35 @@ fn a_slippery_patch_under_the_circle_stops_the_robot() {
 }
 
 #[test]
+fn a_robot_whose_wheels_slipped_is_where_it_says_that_it_may_be() {
+    let slippery =
+        |friction: f64, path: &'static str, payload_kg: f64, law: &'static str, robot: &'static str| {
+            let case = Case { friction, payload_kg, off_centre_m: 0.2, ..case(robot, law, path) };
+            let slid = case.ride();
+            let [x, y, heading] = slid.apart.error;
+            println!(
+                "{} {:.1} mm {:.1} mm {heading:.4} rad, {:.1} sigmas",
+                case.row(&slid),
+                1e3 * x,
+                1e3 * y,
+                slid.apart.most_sigmas()
+            );
+            // A loaded mecanum by speed slides for 0.1 s before that is told, by 70 mm and 0.15 rad: 12 before rims counted.
+            let is_told_late = robot == MECANUM && law == "closed_loop_speed" && payload_kg > 0.0;
+            (slid.apart.most_sigmas() > if is_told_late { 6.0 } else { 3.0 }).then(|| case.row(&slid))
+        };
+    let mut beyond = Vec::new();
+    for law in ["closed_loop_speed", "adaptive_torque"] {
+        for (robot, friction) in [(BMM, 0.08), (BMM, 0.15), (MECANUM, 0.08)] {
+            for (path, payload_kg) in [("square", 0.0), ("square", 100.0), ("circle", 0.0)] {
+                beyond.extend(slippery(friction, path, payload_kg, law, robot));
+            }
+        }
+    }
+    assert!(beyond.is_empty(), "{beyond:#?}");
+}
+
+#[test]
 fn many_short_slips_are_a_long_one() {
     // Of a robot of 70 kg as its file says, which may weigh three times as much or a third.
     let text = case(BMM, "adaptive_torque", "square").text();
@@ -250,8 +279,8 @@ fn by_speed_what_goes_gently_is_told_too_and_so_is_a_wheel_that_bears_little() {
         for law in ["open_loop", "closed_loop_speed"] {
             let case = Case { friction, payload_kg, off_centre_m, ..case(BMM, law, path) };
             let slid = case.ride();
-            println!("{} {:.1} mm apart", case.row(&slid), 1e3 * slid.apart_m);
-            assert!(slid.told.is_some() && slid.apart_m < 0.08, "{}: {slid:?}", case.row(&slid));
+            println!("{} {:.1} mm apart", case.row(&slid), 1e3 * slid.apart.distance_m());
+            assert!(slid.told.is_some() && slid.apart.distance_m() < 0.08, "{}: {slid:?}", case.row(&slid));
         }
     }
 }
@@ -267,8 +296,8 @@ fn by_speed_gentle_motions_of_four_wheels_are_told_once_their_wires_are_shown() 
             ..case(MECANUM, "closed_loop_speed", path)
         };
         let slid = case.ride();
-        println!("{} {:.1} mm apart", case.row(&slid), 1e3 * slid.apart_m);
-        assert!(slid.told.is_some() && slid.apart_m < 0.1, "{}: {slid:?}", case.row(&slid));
+        println!("{} {:.1} mm apart", case.row(&slid), 1e3 * slid.apart.distance_m());
+        assert!(slid.told.is_some() && slid.apart.distance_m() < 0.1, "{}: {slid:?}", case.row(&slid));
     }
 }
 
@@ -360,7 +389,7 @@ fn by_torque_half_of_the_friction_that_was_told_is_told_on_a_slope_too() {
                 let slid = Slid::of_rested(&on_a_slope(&level.text(), 0.05, direction_rad), 300);
                 println!("{law}, {name}, {direction_rad}: {slid:?}");
                 // Uphill some are stopped for a path that they can't keep to: they are where they believe to be.
-                assert!(slid.told.is_some() && slid.apart_m < 0.05, "{law}, {name}: {slid:?}");
+                assert!(slid.told.is_some() && slid.apart.distance_m() < 0.05, "{law}, {name}: {slid:?}");
             }
         }
     }
