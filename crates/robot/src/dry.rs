@@ -107,9 +107,9 @@ pub struct DryRun {
     pub asked: Vec<Asked>,
     /// The friction on which all wheels grip, and when most of it is needed, s.
     pub friction: (f64, f64),
-    /// The least room to the fence and to an obstacle, m, each with its time, s.
+    /// The least room to the fence, m, and when, s.
     pub fence_room_m: Option<(f64, f64)>,
-    /// Likewise.
+    /// Likewise to an obstacle, which moves on from the motion's begin.
     pub obstacle_room_m: Option<(f64, f64)>,
     /// What of their heat the motors take that begin cold, over what they bear; `None` where it wasn't planned by that.
     pub heat: Option<f64>,
@@ -153,7 +153,7 @@ impl DryRun {
                 least(&mut run.fence_room_m, fence.room_m(&body), time_s);
             }
             for obstacle in &plan.guard.obstacles {
-                let room_m = body.distance_to_m(obstacle.centre_m) - obstacle.radius_m;
+                let room_m = body.distance_to_m(obstacle.centre_after_m(time_s)) - obstacle.radius_m;
                 least(&mut run.obstacle_room_m, room_m, time_s);
             }
         }
@@ -270,6 +270,20 @@ mod tests {
         let (room_m, at_s) = run.fence_room_m.unwrap();
         assert!((1.0..1.7).contains(&room_m) && at_s <= run.duration_s, "{room_m} at {at_s}");
         assert_eq!(run.obstacle_room_m, None);
+    }
+
+    #[test]
+    fn an_obstacle_that_moves_is_where_it_is_by_then() {
+        let room_m = |velocity: &str| {
+            let line = "\n[reference]\nkind = \"path\"\npoints = [[0, 0, 0, 0], [10, 3, 0, 0]]\n";
+            let obstacle = format!("[[obstacle]]\ncentre_m = [1.5, 2.0]\nradius_m = 0.2\n{velocity}");
+            dry(&format!("{line}{obstacle}")).obstacle_room_m.unwrap()
+        };
+        let (stands_m, _) = room_m("");
+        assert!((1.2..1.6).contains(&stands_m), "{stands_m}");
+        // Half of the way is reached after 5 s, when it has come there, too.
+        let (comes_m, at_s) = room_m("velocity_m_s = [0.0, -0.4]");
+        assert!(comes_m < 0.0 && (4.0..6.0).contains(&at_s), "{comes_m} at {at_s}");
     }
 
     #[test]

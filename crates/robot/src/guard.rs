@@ -207,7 +207,7 @@ impl Guard {
             return;
         }
         for obstacle in self.obstacles.iter_mut().flatten() {
-            obstacle.centre_m = plus(obstacle.centre_m, obstacle.velocity_m_s, elapsed_s);
+            obstacle.centre_m = obstacle.centre_after_m(elapsed_s);
         }
     }
 

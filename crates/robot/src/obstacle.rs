@@ -22,4 +22,9 @@ impl Obstacle {
         let mut numbers = self.centre_m.iter().chain(&self.velocity_m_s);
         numbers.all(|value| value.abs() <= GREATEST) && (0.0..=GREATEST).contains(&self.radius_m)
     }
+
+    /// Where its centre is after a time, s, in odom, m.
+    pub fn centre_after_m(&self, time_s: f64) -> [f64; 2] {
+        [0, 1].map(|axis| self.centre_m[axis] + self.velocity_m_s[axis] * time_s)
+    }
 }
