@@ -2,9 +2,10 @@
 //!
 //! `cargo run --release -p omnibase-trials --example stops [cases] [first seed]`
 //!
-//! Each row of cases has one of the three policies for a lost drive, and one of the three for the time after it.
+//! Each row of cases has one of the three policies for a lost drive, and one of the three for the time after it; every other one drives its
+//! circle as fast as the limits allow.
 
-use omnibase_trials::robots::{BMM, CIRCLE};
+use omnibase_trials::robots::{BMM, CIRCLE, FAST_CIRCLE};
 use omnibase_trials::stops::{Blocking, Case, Comeback, LOSSES, Loss, STATES, Stops};
 use omnibase_trials::{Trial, plan_of};
 use std::collections::BTreeMap;
@@ -26,8 +27,9 @@ fn main() {
     for row in 0..cases.div_ceil(ROW) {
         let policy = ["quick_stop", "ramp", "remove_torque"][(row % 3) as usize];
         let after = ["stay", "hold", "move_again_unattended"][(row / 3 % 3) as usize];
+        let circle = [CIRCLE, FAST_CIRCLE][(row % 2) as usize];
         let text = format!(
-            "{BMM}{CIRCLE}\n[safety]\non_lost_device = \"{policy}\"\nafter_lost_device = \"{after}\"\n\
+            "{BMM}{circle}\n[safety]\non_lost_device = \"{policy}\"\nafter_lost_device = \"{after}\"\n\
              move_again_warning_ms = 3000\n"
         );
         let mut stops = Stops::new(Trial::new(plan_of(&text)), first + row * ROW);

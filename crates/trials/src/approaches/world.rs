@@ -3,7 +3,9 @@
 use std::f64::consts::{PI, TAU};
 
 use omnibase_platform::{Pose2, Twist2};
-use omnibase_robot::config::{FencePlan, FootprintSource, InterpolationName, PathFrame, ReferenceTable};
+use omnibase_robot::config::{
+    FencePlan, FootprintSource, InterpolationName, PathFrame, ReferenceTable, Timing,
+};
 use omnibase_robot::guard::Obstacle;
 use omnibase_robot::registry::Kind;
 use omnibase_robot::signals::Frame;
@@ -265,6 +267,7 @@ fn source(r: &mut Random, plan: &mut RobotPlan, size_m: f64, cycles: u64) -> Sou
         }
         kind => {
             let table = &mut plan.reference;
+            let is_fastest = r.below(2) == 0;
             if kind == 4 {
                 let mut points = vec![[0.0; 4]];
                 let mut place = [0.0, 0.0, 0.0];
@@ -286,7 +289,7 @@ fn source(r: &mut Random, plan: &mut RobotPlan, size_m: f64, cycles: u64) -> Sou
                 }
                 *table = ReferenceTable {
                     frame: Some(PathFrame::Odom),
-                    interpolation: Some(InterpolationName::Quintic),
+                    interpolation: (!is_fastest).then_some(InterpolationName::Quintic),
                     ..ReferenceTable::path(points)
                 };
             } else {
@@ -298,6 +301,7 @@ fn source(r: &mut Random, plan: &mut RobotPlan, size_m: f64, cycles: u64) -> Sou
                     ..Default::default()
                 };
             }
+            table.timing = is_fastest.then_some(Timing::Fastest);
             Source::Plan
         }
     }
