@@ -319,6 +319,11 @@ mod tests {
         assert!((mean - 0.05).abs() < 1e-3 && (sigma - 0.01).abs() < 1e-3, "{mean} {sigma}");
         assert!((spread(SensorParameters { scale_error: 0.01, ..gyro }).0 - 0.01 * turn).abs() < 1e-9);
         assert!(spread(SensorParameters { outlier_share: 0.1, ..gyro }).1 > 0.1);
+        // Over a second its steps' squares add up to the square of what a root of a second makes of it.
+        let walks = drive(SensorParameters { bias_walk_rad_s: 0.02, ..gyro });
+        let steps = walks.windows(2).map(|pair| (pair[1].values[0] - pair[0].values[0]).powi(2));
+        let walked = steps.sum::<f64>().sqrt();
+        assert!((0.018..0.022).contains(&walked), "{walked}");
         let way = |parameters| drive(parameters).last().expect("a reading").values;
         let whole = way(PERFECT)[0];
         let lifted = way(SensorParameters { lift_off_share: 0.5, ..PERFECT })[0];
