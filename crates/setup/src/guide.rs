@@ -397,17 +397,13 @@ impl<'a, C: Clock> Guide<'a, C> {
         self.kept();
     }
 
-    /// An answer among the choices, asked again until it is one; `Err` where somebody leaves. Nothing said is an answer only where
-    /// there is nothing to choose.
+    /// An answer among the choices, asked again until it is one; `Err` where somebody leaves. Nothing said is no answer: what hands have
+    /// done is said.
     pub(crate) fn choose(&mut self, id: String, text: String, choices: &[String]) -> Result<String, Leave> {
-        let default = choices.first().filter(|_| choices.len() == 1).cloned();
-        let question = Question { id, text, choices: choices.to_vec(), default };
+        let question = Question { id, text, choices: choices.to_vec(), default: None };
         for _ in 0..ATTEMPTS {
             match self.hand.ask(&question) {
                 Answer::Leave => return Err(Leave),
-                Answer::Text(said) if said.trim().is_empty() && question.default.is_some() => {
-                    return Ok(question.default.unwrap_or_default());
-                }
                 Answer::Text(said) if choices.iter().any(|choice| choice == said.trim()) => {
                     return Ok(said.trim().to_owned());
                 }
@@ -431,24 +427,29 @@ impl<'a, C: Clock> Guide<'a, C> {
         default: f64,
         [least, most]: [f64; 2],
     ) -> Result<f64, Leave> {
-        self.number_of(id, text, default, Range::Within(least, most))
+        self.number_of(id, text, Some(default), Range::Within(least, most))
     }
 
-    /// Any number, asked again until it is one.
-    pub(crate) fn any_number(&mut self, id: String, text: String, default: f64) -> Result<f64, Leave> {
-        // As a tape is read.
-        let default = (default * 1e3).round() / 1e3;
-        self.number_of(id, text, default, Range::Any)
+    /// Any number that was measured, asked again until it is one: nobody measures by saying nothing.
+    pub(crate) fn measure(&mut self, id: String, text: String) -> Result<f64, Leave> {
+        self.number_of(id, text, None, Range::Any)
     }
 
-    fn number_of(&mut self, id: String, text: String, default: f64, range: Range) -> Result<f64, Leave> {
-        let question = Question { id, text, choices: Vec::new(), default: Some(default.to_string()) };
+    fn number_of(
+        &mut self,
+        id: String,
+        text: String,
+        default: Option<f64>,
+        range: Range,
+    ) -> Result<f64, Leave> {
+        let shown = default.map(|default| default.to_string());
+        let question = Question { id, text, choices: Vec::new(), default: shown };
         for _ in 0..ATTEMPTS {
             match self.hand.ask(&question) {
                 Answer::Leave => return Err(Leave),
-                Answer::Text(said) if said.trim().is_empty() => return Ok(default),
-                Answer::Text(said) => match said.trim().parse::<f64>() {
-                    Ok(number) if range.holds(number) => return Ok(number),
+                Answer::Text(said) => match (said.trim().parse::<f64>(), default) {
+                    (Ok(number), _) if range.holds(number) => return Ok(number),
+                    (_, Some(default)) if said.trim().is_empty() => return Ok(default),
                     _ => self.hand.tell(&format!("expected {}, found \"{}\"", range.words(), said.trim())),
                 },
             }

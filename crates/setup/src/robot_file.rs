@@ -6,6 +6,7 @@ use toml_edit::{ArrayOfTables, DocumentMut, Item, Table, Value, value};
 
 use crate::guide::is_product;
 use crate::record::{FoundDevice, FoundDrive, Record, Turned};
+use crate::turns::is_seen_as;
 
 /// Keys of a drive that a set-up finds out; others stay as they were written.
 const FOUND: [&str; 9] = [
@@ -145,11 +146,13 @@ fn table(name: &str, drive: &FoundDrive, written: Option<&Table>) -> Table {
         put("direction", value(direction), "seen: which way it turns when counts rise");
     }
     if let Some(counts) = drive.counts_per_revolution {
-        put(
-            "counts_per_revolution",
-            value(i64::from(counts)),
-            "of the motor, confirmed by turns that were seen",
-        );
+        let of_wheel = f64::from(counts) * drive.gear_ratio.unwrap_or(1.0);
+        let off =
+            drive.seen_counts.filter(|seen| !is_seen_as(of_wheel, *seen)).map(|seen| of_wheel / seen - 1.0);
+        let why = off.map_or("of the motor, confirmed by turns that were seen".to_owned(), |off| {
+            format!("of the motor, as was said: {:+.0} % beside the turns that were seen", 100.0 * off)
+        });
+        put("counts_per_revolution", value(i64::from(counts)), &why);
     }
     if let Some(gear) = drive.gear_ratio {
         put("gear_ratio", value(gear), "turns of the motor per turn of the wheel");

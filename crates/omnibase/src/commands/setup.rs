@@ -414,7 +414,7 @@ fn in_words(record: &Record) -> String {
     for (head, lines) in
         [("## Not as the file had it", &record.findings), ("## What was done, in order", &record.log)]
     {
-        text += &format!("{head}\n\n");
+        text += &format!("{head}\n\n{}", if lines.is_empty() { "Nothing.\n" } else { "" });
         lines.iter().for_each(|line| text += &format!("- {}\n", line.replace(char::is_control, " ")));
         text.push('\n');
     }

@@ -278,7 +278,9 @@ impl<C: Clock> Guide<'_, C> {
         let counts = jog.travel_counts as f64;
         let forward = (way == "forward") == (counts > 0.0);
         let seen_counts = counts.abs() / turns;
-        let (counts_per_revolution, gear_ratio) = self.resolution(number, &wheel, seen_counts)?;
+        let Some((counts_per_revolution, gear_ratio)) = self.resolution(number, &wheel, seen_counts)? else {
+            return Ok(true);
+        };
         let drive = &mut self.record.drives[number];
         drive.turned = Some(if forward { Turned::Forward } else { Turned::Backward });
         drive.seen_counts = Some(seen_counts);
@@ -290,8 +292,14 @@ impl<C: Clock> Guide<'_, C> {
         Ok(true)
     }
 
-    /// Counts of the motor and gear: as known where what was seen fits, else as the gear's plate and the eye say.
-    fn resolution(&mut self, number: usize, wheel: &str, seen_counts: f64) -> Result<(u32, f64), Leave> {
+    /// Counts of the motor and gear: as known where what was seen fits, else as the gear's plate and the eye say; `None` where it is jogged
+    /// again.
+    fn resolution(
+        &mut self,
+        number: usize,
+        wheel: &str,
+        seen_counts: f64,
+    ) -> Result<Option<(u32, f64)>, Leave> {
         let drive = self.record.drives[number].clone();
         let scale = self.scale_of(&FoundDrive { wheel: Some(wheel.to_owned()), ..drive.clone() });
         let told = (
@@ -301,7 +309,7 @@ impl<C: Clock> Guide<'_, C> {
         let counts_of = format!("counts of {wheel}");
         self.record.found_of(&counts_of, Vec::new());
         if is_seen_as(told.0 * told.1, seen_counts) {
-            return Ok((told.0.round() as u32, told.1));
+            return Ok(Some((told.0.round() as u32, told.1)));
         }
         let position = drive.position;
         let text = format!(
@@ -324,12 +332,17 @@ impl<C: Clock> Guide<'_, C> {
             );
             let counts = self.number(format!("counts {position}"), text, likely, COUNTS)?.round();
             if !contradicts(counts * gear, seen_counts) {
-                return Ok((counts.clamp(1.0, f64::from(u32::MAX)) as u32, gear));
+                return Ok(Some((counts.clamp(1.0, f64::from(u32::MAX)) as u32, gear)));
             }
-            self.hand.tell(&format!(
-                "{counts} counts and a gear of {gear} make {:.0} counts per turn of {wheel}, {seen_counts:.0} were seen: one of them is wrong",
+            let text = format!(
+                "{counts} counts and a gear of {gear} make {:.0} counts per turn of {wheel}, {seen_counts:.0} were seen: one of them is wrong, or \
+                 the wheel didn't make the turns that were said; say these numbers again, or jog it again?",
                 counts * gear
-            ));
+            );
+            let choices = ["say them again", "jog it again"].map(str::to_owned);
+            if self.choose(format!("numbers {position}"), text, &choices)? == choices[1] {
+                return Ok(None);
+            }
         }
         Err(Leave)
     }

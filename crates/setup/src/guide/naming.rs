@@ -10,7 +10,7 @@ use super::{ATTEMPTS, AnyBus, Guide, Leave, SetupError};
 use crate::robot_file::{self, RobotFileError};
 
 /// What of findings is of how a wheel's drive is found.
-fn name_of(wheel: &str) -> String {
+pub(super) fn name_of(wheel: &str) -> String {
     format!("name of {wheel}")
 }
 

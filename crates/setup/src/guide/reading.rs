@@ -13,6 +13,7 @@ use omnibase_robot::RobotPlan;
 use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 
 use super::at_start::{AtStart, JOG_WRITES, OFFSETS, STORE};
+use super::naming::name_of;
 use super::{AnyBus, Guide, SetupError, in_words, is_it, is_product, seen, who};
 use crate::record::{FoundDrive, Step};
 
@@ -156,7 +157,7 @@ impl<C: Clock> Guide<'_, C> {
             }
             was.was = held(&mut bus, &self.plan, was).map_err(|error| in_words(&error))?;
         }
-        let mut shown = Vec::new();
+        let (mut shown, mut named) = (Vec::new(), Vec::new());
         for was in self.record.drives.iter_mut().filter(|was| was.written_alias.is_some()) {
             // Nobody else has it or will have it, drive or not.
             let with_it = bus
@@ -167,6 +168,7 @@ impl<C: Clock> Guide<'_, C> {
                 now.iter().any(|one| one.position == was.position && one.alias == was.written_alias);
             if is_shown && with_it.map(|one| one.position).eq([was.position]) {
                 was.alias = was.written_alias.take();
+                named.extend(was.wheel.clone());
                 let by = if was.is_by_position { "its position, as was wished" } else { "it" };
                 shown.push(format!(
                     "SubDevice {} shows alias {} by now: it is found by {by}",
@@ -174,6 +176,9 @@ impl<C: Clock> Guide<'_, C> {
                     was.alias.unwrap_or_default()
                 ));
             }
+        }
+        for wheel in named {
+            self.record.found_of(&name_of(&wheel), Vec::new());
         }
         for text in shown {
             self.hand.tell(&text);

@@ -93,9 +93,17 @@ impl<C: Clock> Guide<'_, C> {
                 Err(Leave) => return Ok(Tried::Left),
             }
         }
-        let text = "release the emergency stop, reset what your safety circuit asks for, and wait until the drives are up"
-            .to_owned();
-        let Some(lost) = self.are_up(format!("release {number}"), text)? else { return Ok(Tried::Left) };
+        let text = match jog.end.is_untried() {
+            true => {
+                "the key was let go first: if the emergency stop is pressed, release it, and wait until the drives are up"
+            }
+            false => {
+                "release the emergency stop, reset what your safety circuit asks for, and wait until the drives are up"
+            }
+        };
+        let Some(lost) = self.are_up(format!("release {number}"), text.to_owned())? else {
+            return Ok(Tried::Left);
+        };
         let end = jog.end.to_string();
         let position = self.record.drives[number].position;
         Ok(match (jog.end, is_pressed) {

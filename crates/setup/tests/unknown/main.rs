@@ -1,6 +1,7 @@
 //! Robots that nobody knows are set up; more seeds by `cargo run --release -p omnibase-setup --example seeds`.
 
 mod names;
+mod rehearsed;
 #[path = "../../examples/seeds/unknown/mod.rs"]
 mod unknown;
 

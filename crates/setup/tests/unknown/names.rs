@@ -45,7 +45,7 @@ fn an_alias_that_two_drives_have_is_written_anew() {
     assert!(found.told.join("\n").contains("its drive has alias 5, as SubDevice 2 has"), "{:?}", found.told);
     // Nobody switched anything off: the old ones still show, and neither drive is found by them.
     let found = set_up_where(named, &robot, &mut |question| match question.id.as_str() {
-        "power" => Some(said("")),
+        "power" => Some(said("done")),
         id => id.starts_with("name ").then(|| said("alias")),
     });
     assert!(found.text.contains("alias = 6 ") && !found.text.contains("alias = 5"), "{}", found.text);
@@ -126,7 +126,7 @@ fn an_alias_is_believed_once_the_drive_shows_it() {
     );
     // A drive that wasn't switched off shows its old one: it is found by its position.
     let found = set_up_where(remembers, &robot, &mut |question| match question.id.as_str() {
-        "power" => Some(said("")),
+        "power" => Some(said("done")),
         _ => name(question),
     });
     assert!(!found.text.contains("alias = "), "{}", found.text);
@@ -195,7 +195,7 @@ fn an_alias_that_shows_later_is_believed_when_the_set_up_is_taken_up_again() {
             "name 0" => Some(said("alias")),
             "alias 0" => Some(said("77")),
             // Nobody switched anything off.
-            "power" => Some(said("")),
+            "power" => Some(said("done")),
             _ => leaves(question),
         });
         assert_eq!(found.text.contains("alias = 77"), is_switched_between, "{}", found.text);

@@ -7,7 +7,7 @@ use ratatui::crossterm::event::{Event, KeyCode, KeyEventKind, KeyModifiers, poll
 use ratatui::crossterm::terminal::{disable_raw_mode, enable_raw_mode};
 use rustix::event::{PollFd, PollFlags, Timespec};
 use rustix::io::Errno;
-use std::io::Write;
+use std::io::{IsTerminal, Write};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::thread::JoinHandle;
@@ -36,6 +36,21 @@ impl Person {
     /// A person at the standard input; `stop` ends it as leaving does.
     pub fn new(stop: &'static AtomicBool) -> Self {
         Person { listening: None, heard: Arc::default(), typed: Vec::new(), stop }
+    }
+
+    /// What was typed before a question stood there is no answer to it; what is piped in is.
+    fn forget_typed(&mut self) {
+        let stdin = std::io::stdin();
+        if !stdin.is_terminal() {
+            return;
+        }
+        self.typed.clear();
+        let mut bytes = [0; 1024];
+        let at_once = Timespec { tv_sec: 0, tv_nsec: 0 };
+        while rustix::event::poll(&mut [PollFd::new(&stdin, PollFlags::IN)], Some(&at_once))
+            .is_ok_and(|ready| ready > 0)
+            && rustix::io::read(&stdin, &mut bytes).is_ok_and(|count| count > 0)
+        {}
     }
 
     /// The next line; `None` where none will come, or the program is ended.
@@ -124,6 +139,7 @@ fn hear(heard: &Heard, longest: Duration) -> bool {
 impl Hand for Person {
     fn ask(&mut self, question: &Question) -> Answer {
         self.stop_listening();
+        self.forget_typed();
         let choices = if question.choices.is_empty() {
             String::new()
         } else {

@@ -144,7 +144,7 @@ pub struct Circumstances {
 }
 
 /// A link that several buses have one after the other.
-struct SharedLink(Rc<RefCell<SimLink>>);
+pub struct SharedLink(pub Rc<RefCell<SimLink>>);
 
 impl Link for SharedLink {
     fn send(&mut self, frame: &[u8]) -> Result<(), LinkError> {

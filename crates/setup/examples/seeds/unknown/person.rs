@@ -180,6 +180,8 @@ impl Hand for Person<'_> {
             }
             "wheels" => "take".to_owned(),
             "drive" | "enable" => "again".to_owned(),
+            // Measured again.
+            "wrong" => question.choices[0].clone(),
             "release" => {
                 self.stop(false);
                 "done".to_owned()
