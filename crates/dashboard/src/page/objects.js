@@ -77,10 +77,20 @@ export class Objects {
     for (const [at, index] of data.indices.entries()) {
       const found = await under_way.shift();
       if (turn !== this.turn) return;
+      // Who is away for a moment has objects all the same.
+      if (!found.done && !found.data?.refused_by_subdevice) return this.list.append(this.again(found.text));
       this.list.append(this.object(subdevice, index, found));
       const next = data.indices[at + AT_ONCE];
       if (next !== undefined) under_way.push(asked(next));
     }
+  }
+
+  /** What kept names from coming, and a button that asks for them anew. */
+  again(text) {
+    const item = document.createElement("li"), button = Object.assign(document.createElement("button"), { type: "button", textContent: "Ask again" });
+    button.addEventListener("click", () => this.show());
+    item.append(text, " ", button);
+    return item;
   }
 
   object(subdevice, index, { done, text, data }) {

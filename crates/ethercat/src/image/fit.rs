@@ -51,10 +51,11 @@ impl fmt::Display for CycleFit {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "{} us: {} frames take {} us on the cable and {}{} us through all SubDevices and back, which is to happen within \
+            "{} us: {} {} {} us on the cable and {}{} us through all SubDevices and back, which is to happen within \
              nine tenths of a cycle",
             self.shortest().as_micros(),
             self.frames,
+            if self.frames == 1 { "frame takes" } else { "frames take" },
             self.wire.as_micros(),
             if self.is_measured { "" } else { "about " },
             self.propagation.as_micros()

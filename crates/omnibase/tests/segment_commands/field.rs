@@ -186,7 +186,7 @@ fn doctor_names_what_is_wrong_behind_a_cable() {
         spoken.clone().count() == 2 && spoken.clone().all(|one| one["verdict"] == "good"),
         "{findings:?}"
     );
-    let cycle = found("shortest cycle")[0].split_once(" us: 1 frames take ");
+    let cycle = found("shortest cycle")[0].split_once(" us: 1 frame takes ");
     assert!(cycle.is_some_and(|(cycle_us, _)| cycle_us.parse::<u32>().unwrap() > 0), "{findings:?}");
 }
 

@@ -59,7 +59,7 @@ pub enum SessionError {
     },
     /// Frames can't be back in time.
     #[error(
-        "bus.cycle_us = {cycle_us}, frames awaited for {timeout_us} us: the shortest cycle that fits is {fit}; choose a longer cycle"
+        "bus.cycle_us = {cycle_us}, frames awaited for {timeout_us} us: the shortest cycle that fits is {fit}; choose a longer cycle, or await frames for longer (bus.receive_timeout_us)"
     )]
     CycleTooShort {
         /// The cycle, us.
