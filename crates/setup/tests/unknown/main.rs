@@ -76,11 +76,24 @@ fn a_robot_of_a_seed_gets_its_file() {
 /// Nothing said chooses nothing: a wheel isn't named, a stop isn't called tested, by pressing enter.
 #[test]
 fn an_empty_answer_is_none_where_there_is_a_choice() {
-    for id in ["wheel 0", "way 1", "parameters 2", "stopped 0"] {
-        let found = set_up(&Unknown::of(2), &mut once(id, said(" \n"))).unwrap();
+    for (id, expected) in [
+        ("wheel 0", "expected one of"),
+        ("way 1", "expected one of"),
+        ("parameters 2", "expected one of"),
+        ("stopped 0", "expected one of"),
+        // Nor what hands have done, or a tape says.
+        ("release 0", "expected one of"),
+        ("tape x ahead", "expected a number"),
+    ] {
+        let mut nothing = once(id, said(" \n"));
+        let found = set_up(&Unknown::of(2), &mut |question| match question.id.as_str() {
+            "floor" => Some(said("drive")),
+            _ => nothing(question),
+        })
+        .unwrap();
         let times = found.asked.iter().filter(|(asked, _)| asked == id).count();
         assert_eq!(times, 2, "{id}: {:?}", found.asked);
-        let refused = found.told.iter().filter(|told| told.contains("expected one of")).count();
+        let refused = found.told.iter().filter(|told| told.contains(expected)).count();
         assert_eq!(refused, 1, "{id}: {:?}", found.told);
     }
 }
@@ -330,10 +343,23 @@ fn counts_that_contradict_the_turns_that_were_seen_are_asked_again() {
     let robot = Unknown { turned_encoder: None, ..robot() };
     let found = set_up(&robot, &mut once("counts 0", said("100000"))).unwrap();
     assert_eq!(differences(&robot, &found.text), Vec::<String>::new(), "{}", found.text);
-    let told = found.told.iter().filter(|text| text.contains("make 500000 counts per turn of "));
-    assert_eq!(told.count(), 1, "{:?}", found.told);
-    let asked = found.asked.iter().filter(|(id, _)| id == "gear 0").count();
-    assert_eq!(asked, 2, "{:?}", found.asked);
+    let asked = |found: &Found, wanted: &str| found.asked.iter().filter(|(id, _)| id == wanted).count();
+    assert_eq!(
+        ["numbers 0", "gear 0", "turns 0"].map(|id| asked(&found, id)),
+        [1, 2, 1],
+        "{:?}",
+        found.asked
+    );
+    // Or the turns were wrong: it is jogged again.
+    let mut wrong_turns = once("turns 0", said("0.1"));
+    let found = set_up(&robot, &mut |question| match question.id.as_str() {
+        "numbers 0" => Some(said("jog it again")),
+        "counts 0" => Some(said("10000")),
+        _ => wrong_turns(question),
+    })
+    .unwrap();
+    assert_eq!(differences(&robot, &found.text), Vec::<String>::new(), "{}", found.text);
+    assert_eq!(["numbers 0", "turns 0"].map(|id| asked(&found, id)), [1, 2], "{:?}", found.asked);
 }
 
 /// A jog limits the torque, and at its end takes it away: drives are left as they were, before anything is stored in them.

@@ -180,8 +180,8 @@ impl Hand for Person<'_> {
             }
             "wheels" => "take".to_owned(),
             "drive" | "enable" => "again".to_owned(),
-            // Measured again.
-            "wrong" => question.choices[0].clone(),
+            // Measured again, and the numbers.
+            "wrong" | "numbers" => question.choices[0].clone(),
             "release" => {
                 self.stop(false);
                 "done".to_owned()
