@@ -236,15 +236,15 @@ impl Esc {
         self.irq = self.ecat_event & u16_at(&self.memory, usize::from(reg::ECAT_EVENT_MASK));
     }
 
-    /// Whether the loop at `port` is closed, by control, link and port descriptor.
-    pub(crate) fn loop_closed(&mut self, port: usize, link: bool) -> bool {
+    /// Whether the loop at `port` is closed, by control, port descriptor, and whether frames pass there.
+    pub(crate) fn loop_closed(&mut self, port: usize, passed: bool) -> bool {
         if !self.config.has_port(port as u8) {
             return true;
         }
         match self.memory[usize::from(reg::DL_CONTROL_PORTS)] >> (2 * port) & 3 {
-            0 => !link,
+            0 => !passed,
             1 => {
-                self.kept_closed[port] |= !link;
+                self.kept_closed[port] |= !passed;
                 self.kept_closed[port]
             }
             2 => false,

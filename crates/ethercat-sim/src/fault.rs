@@ -22,6 +22,12 @@ pub enum Fault {
         /// Port 0 to 3.
         port: u8,
     },
+    /// The cable at this port carries a link and no frames: behind it is a switch, or a device that isn't ready, as after a wrong
+    /// order of power. Chips close their loops there.
+    LinkAlone {
+        /// Port 0 to 3.
+        port: u8,
+    },
     /// The cable at this port is whole again.
     CableRestored {
         /// Port 0 to 3.

@@ -17,7 +17,7 @@ use omnibase_ethercat_wire::frame::{
 };
 use omnibase_ethercat_wire::{Command, HostTime};
 pub(crate) use topology::frame_order;
-use topology::{Cable, Cables, FramePath, Plug, Ports};
+use topology::{Cable, Cables, Carries, FramePath, Plug, Ports};
 
 /// Time of a byte on a 100 Mbit/s cable, ns.
 const BYTE_NS: u64 = 80;
@@ -144,7 +144,7 @@ impl Segment {
         self.cables
             .cables
             .get(self.cables.primary)
-            .is_some_and(|cable| PortView(&self.sub_devices).carries(cable))
+            .is_some_and(|cable| PortView(&self.sub_devices).links(cable))
     }
 
     /// A hand on this segment for when it is behind a link.
@@ -206,7 +206,12 @@ impl Segment {
         let index = self.cables.cables.len();
         *slot = Some(index);
         let lower = Plug { position, port };
-        self.cables.cables.push(Cable { upper: None, lower, delay_ns: RING_CABLE_NS, cut: false });
+        self.cables.cables.push(Cable {
+            upper: None,
+            lower,
+            delay_ns: RING_CABLE_NS,
+            carries: Carries::Frames,
+        });
         self.cables.ring = Some(index);
         self.reroute();
         Ok(())
@@ -373,8 +378,9 @@ impl Segment {
                 sub_device.power_off();
                 sub_device.power_on_at(now + off_for);
             }
-            Fault::CableCut { port } => self.cut(position, port, true)?,
-            Fault::CableRestored { port } => self.cut(position, port, false)?,
+            Fault::CableCut { port } => self.replug(position, port, Carries::Nothing)?,
+            Fault::LinkAlone { port } => self.replug(position, port, Carries::Link)?,
+            Fault::CableRestored { port } => self.replug(position, port, Carries::Frames)?,
             Fault::CrcErrors { port, frames } => {
                 self.cable(position, port)?;
                 self.sub_devices[position].damage(usize::from(port), frames);
@@ -396,9 +402,9 @@ impl Segment {
         cable.ok_or(FaultError::NoCable { position, port })
     }
 
-    fn cut(&mut self, position: usize, port: u8, cut: bool) -> Result<(), FaultError> {
+    fn replug(&mut self, position: usize, port: u8, carries: Carries) -> Result<(), FaultError> {
         let cable = self.cable(position, port)?;
-        self.cables.cables[cable].cut = cut;
+        self.cables.cables[cable].carries = carries;
         Ok(())
     }
 
@@ -408,14 +414,14 @@ impl Segment {
             if !self.sub_devices[position].powered() {
                 continue;
             }
-            let links: [bool; 4] = core::array::from_fn(|port| {
-                self.cables.at[position][port]
-                    .is_some_and(|cable| PortView(&self.sub_devices).carries(&self.cables.cables[cable]))
-            });
+            let view = PortView(&self.sub_devices);
+            let cables = self.cables.at[position].map(|cable| cable.map(|index| &self.cables.cables[index]));
+            let links = cables.map(|cable| cable.is_some_and(|cable| view.links(cable)));
+            let passed = cables.map(|cable| cable.is_some_and(|cable| view.carries(cable)));
             let esc = self.sub_devices[position].esc_mut();
             let ports = core::array::from_fn(|port| PortState {
                 link: links[port],
-                closed: esc.loop_closed(port, links[port]),
+                closed: esc.loop_closed(port, passed[port]),
             });
             esc.set_ports(ports);
         }
@@ -444,14 +450,21 @@ impl Segment {
 /// Cables and chips as [`FramePath::follow`] sees them.
 struct PortView<'a>(&'a [SubDevice]);
 
+impl PortView<'_> {
+    /// Whether both ends of a cable see a link.
+    fn links(&self, cable: &Cable) -> bool {
+        let powered = |plug: Plug| self.0[plug.position].powered();
+        cable.carries != Carries::Nothing && powered(cable.lower) && cable.upper.is_none_or(powered)
+    }
+}
+
 impl Ports for PortView<'_> {
     fn closed(&self, plug: Plug) -> bool {
         self.0[plug.position].esc().ports()[usize::from(plug.port)].closed
     }
 
     fn carries(&self, cable: &Cable) -> bool {
-        let powered = |plug: Plug| self.0[plug.position].powered();
-        !cable.cut && powered(cable.lower) && cable.upper.is_none_or(powered)
+        cable.carries == Carries::Frames && self.links(cable)
     }
 
     fn forward_delay_ns(&self, position: usize) -> u64 {

@@ -73,7 +73,7 @@ pub enum Trouble {
         /// Its port.
         port: u8,
     },
-    /// Frames came back in another order or number than they went: a port leads into another of the same segment.
+    /// Frames that were sent through the segment weren't answered in time.
     LostFrames {
         /// Frames that didn't come back.
         lost: u64,

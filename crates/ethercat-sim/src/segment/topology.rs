@@ -100,13 +100,22 @@ pub enum MainPort {
     Redundant,
 }
 
+/// What a cable carries.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Carries {
+    Frames,
+    /// Its ends see a link, and no frame passes.
+    Link,
+    Nothing,
+}
+
 /// A cable; its upper end is the MainDevice where `upper` is `None`.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cable {
     pub upper: Option<Plug>,
     pub lower: Plug,
     pub delay_ns: u32,
-    pub cut: bool,
+    pub carries: Carries,
 }
 
 /// All cables, and which one is in which port.
@@ -162,7 +171,12 @@ impl Cables {
             if let Some(upper) = upper {
                 plug_in(upper, cables.len())?;
             }
-            cables.push(Cable { upper, lower, delay_ns: attachment.cable_delay_ns, cut: false });
+            cables.push(Cable {
+                upper,
+                lower,
+                delay_ns: attachment.cable_delay_ns,
+                carries: Carries::Frames,
+            });
         }
         Ok(Cables { cables, at, primary, ring: None })
     }

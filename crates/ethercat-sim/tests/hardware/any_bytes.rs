@@ -116,11 +116,12 @@ fn no_frame_and_no_firmware_brings_it_down() {
             assert_eq!(bytes.len(), length);
             if random.below(50) == 0 {
                 let port = random.below(2) as u8;
-                let fault = match random.below(5) {
+                let fault = match random.below(6) {
                     0 => Fault::PowerCycle { off_for: Duration::from_micros(random.below(3000)) },
                     1 => Fault::CableCut { port },
                     2 => Fault::CableRestored { port },
                     3 => Fault::PowerOff,
+                    4 => Fault::LinkAlone { port },
                     _ => Fault::CrcErrors { port, frames: 2 },
                 };
                 // A port without a cable refuses, by name.

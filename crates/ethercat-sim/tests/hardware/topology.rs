@@ -107,6 +107,21 @@ fn a_cut_cable_turns_the_frame_back_and_both_ends_count_it() {
 }
 
 #[test]
+fn a_link_alone_turns_the_frame_back_and_is_still_a_link() {
+    let mut bench = Bench::line(3);
+    bench.segment.inject(1, Fault::LinkAlone { port: 1 }).unwrap();
+    assert_eq!(count(&mut bench), 2);
+    assert_eq!(bench.number_at(0x1002, reg::DL_STATUS, 2), 0x5632);
+    assert_eq!(bench.segment.sub_devices()[2].esc().peek(reg::DL_STATUS, 2).unwrap(), [0x12, 0x55]);
+    assert_eq!(bench.number_at(0x1002, reg::LOST_LINK_COUNTERS, 4), 0, "no link was lost");
+    bench.segment.inject(2, Fault::CableRestored { port: 0 }).unwrap();
+    assert_eq!(count(&mut bench), 3);
+    bench.segment.inject(0, Fault::LinkAlone { port: 0 }).unwrap();
+    assert!(bench.segment.link_up());
+    assert_eq!(bench.try_send(Command::Brd, Address::broadcast(0), &[0]), None);
+}
+
+#[test]
 fn loop_control_opens_and_closes_ports() {
     let mut bench = Bench::line(2);
     // Port 1 of the first closed (3): the second is out of reach, though its link is up.

@@ -353,6 +353,25 @@ fn damaged_frames_are_told_by_port_and_neighbour() {
     assert_eq!(told(&mut bus), "");
 }
 
+/// Who isn't ready behind a cable with a link, as after a wrong order of power: its neighbour's port is named, and what to do.
+#[test]
+fn a_cable_with_a_link_through_which_no_frames_pass_is_told() {
+    use omnibase_ethercat::trouble::Trouble;
+    let drive = Drive::new(DriveKind::Generic);
+    let drives = (0..3).map(|_| drive.build(&Piece::default(), Load::default())).collect();
+    let mut segment = Segment::line(drives).unwrap();
+    segment.inject(1, Fault::LinkAlone { port: 1 }).unwrap();
+    let (link, clock) = in_process(segment);
+    let mut bus = Bus::new(link, clock, BusOptions::default());
+    bus.scan().unwrap();
+    assert_eq!(bus.subdevices().len(), 2);
+    assert_eq!(bus.look_for_trouble(), Ok(vec![Trouble::Closed { position: 1, port: 1 }]));
+    // Ready now, it is there with the next scan, and nothing is wrong.
+    bus.transactor().link.segment_mut().inject(1, Fault::CableRestored { port: 1 }).unwrap();
+    bus.scan().unwrap();
+    assert_eq!((bus.subdevices().len(), bus.look_for_trouble()), (3, Ok(vec![])));
+}
+
 /// Who fell silent since the scan is told, and those before it are looked at all the same.
 #[test]
 fn a_silent_device_is_told_and_the_others_are_still_looked_at() {

@@ -43,6 +43,7 @@ A virtual cable: sudo ip link add veth0 type veth peer name veth1; sudo ip link 
 Faults, `<fault>@<position>:<seconds after the start>[:<argument>]`:
   power-off@1:5   power-on@1:8   power-cycle@1:5:0.5 (off for so many seconds, default 1)
   cable-cut@1:5:2 (port, default 1)   cable-restored@1:8:2   crc-errors@1:5:10 (frames at port 0, default 1)
+  link-alone@1:5:2 (a cable with a link that no frame passes: a switch, or a neighbour that isn't ready)
   al-error@1:5:0x1b (AL status code)   drive-fault@1:5:0x7500 (error code)
   mailbox-silence@1:5   mailbox-back@1:8   freeze@1:5   unfreeze@1:8
   sto@1:5 (the safety input takes the torque)   sto-over@1:8

@@ -190,6 +190,28 @@ fn doctor_names_what_is_wrong_behind_a_cable() {
     assert!(cycle.is_some_and(|(cycle_us, _)| cycle_us.parse::<u32>().unwrap() > 0), "{findings:?}");
 }
 
+/// A cable with a link and no frames behind it, as of a neighbour that isn't ready: `scan` and `doctor` name the port, and say what to do.
+#[test]
+fn a_link_without_frames_is_named_behind_a_cable() {
+    let Some(namespace) = Namespace::for_test("a_link_without_frames_is_named_behind_a_cable") else {
+        return;
+    };
+    let expected = "SubDevice 1: a cable with a link is in its port 1, but no frames pass there";
+    let remedy = "power that device up before this one";
+    namespace.run(|| {
+        let _simulator = simulated(&segment("three-servos"), std::iter::once("link-alone@1:0:1".to_owned()));
+        for look in
+            [&["scan", Namespace::NEAR][..], &["doctor", Namespace::NEAR, "--segment", "--pauses-s", "0"]]
+        {
+            // Where the machine pauses, a scan finds nobody.
+            let said =
+                (0..100).map(|_| text(&omnibase(look).stdout)).find(|said| said.contains("SubDevice 1: "));
+            let said = said.expect("a hundred looks see it").split_whitespace().collect::<Vec<_>>().join(" ");
+            assert!(said.contains(expected) && said.contains(remedy), "{said}");
+        }
+    });
+}
+
 /// A switch for its identification, modules in slots, and a SyncManager of 200 bytes of which no PDO tells beside a virtual one over the
 /// registers of the clock: seen by `scan`, and all in OP by `exchange`, over a cable.
 #[test]

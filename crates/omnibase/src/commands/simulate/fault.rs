@@ -11,13 +11,14 @@ use std::time::Duration;
 type Read = fn(&Argument<'_>) -> Result<Fault, String>;
 
 /// All faults by their names.
-const FAULTS: [(&str, Read); 16] = [
+const FAULTS: [(&str, Read); 17] = [
     ("power-off", |argument| argument.none(Fault::PowerOff)),
     ("power-on", |argument| argument.none(Fault::PowerOn)),
     ("power-cycle", |Argument { text, .. }| {
         Ok(Fault::PowerCycle { off_for: text.map_or(Ok(Duration::from_secs(1)), duration)? })
     }),
     ("cable-cut", |argument| Ok(Fault::CableCut { port: argument.number(1, 3)? as u8 })),
+    ("link-alone", |argument| Ok(Fault::LinkAlone { port: argument.number(1, 3)? as u8 })),
     ("cable-restored", |argument| Ok(Fault::CableRestored { port: argument.number(1, 3)? as u8 })),
     ("crc-errors", |argument| Ok(Fault::CrcErrors { port: 0, frames: argument.number(1, 1_000_000)? })),
     ("al-error", |argument| Ok(ApplicationFault::AlError(argument.code()?).into())),
@@ -137,6 +138,7 @@ mod tests {
         let off_for = Duration::from_millis(500);
         assert_eq!(parsed("power-cycle@1:5:0.5"), (1, 5000, Fault::PowerCycle { off_for }));
         assert_eq!(parsed("cable-cut@0:0.25"), (0, 250, Fault::CableCut { port: 1 }));
+        assert_eq!(parsed("link-alone@2:1:0"), (2, 1000, Fault::LinkAlone { port: 0 }));
         assert_eq!(parsed("push@0:2:-300"), (0, 2000, ApplicationFault::Push(-300).into()));
         assert_eq!(parsed("brake@0:0:50"), (0, 0, ApplicationFault::Brake(50).into()));
         let error = ApplicationFault::AlError(0x1B);
