@@ -11,7 +11,7 @@
 //! - [`ends_with_this`]: a program of ours that doesn't outlive us, however we end.
 //! - [`stop_on_signals`]: a clean end on Ctrl-C.
 //! - [`interface`]: which network interfaces there are, and whether their cables are in.
-//! - [`CountingAllocator`] and [`Namespace`]: for tests and benches that count allocations or need a cable.
+//! - [`CountingAllocator`], [`Namespace`] and [`skipped`]: for tests and benches that count allocations, need a cable, or can't run.
 //!
 //! All `unsafe` of the project stands here, each block with the reason why it is sound. Nothing here knows what a
 //! frame means.
@@ -30,6 +30,7 @@ mod packet_ring;
 mod packet_socket;
 mod raw;
 pub mod real_time;
+mod skipped;
 mod stop;
 
 pub use allocator::CountingAllocator;
@@ -44,6 +45,7 @@ pub use namespace::{Namespace, NamespaceError};
 pub use packet_ring::{PacketRing, Waiting};
 pub use packet_socket::PacketSocket;
 pub use raw::{DropCounts, OpenError};
+pub use skipped::skipped;
 pub use stop::stop_on_signals;
 
 /// Whether this program runs as root.

@@ -1,6 +1,7 @@
 //! A network namespace of one's own, with a virtual cable in it, for tests and benches.
 
 use crate::interface::{self, LinkState};
+use crate::skipped;
 use std::fs::File;
 use std::io;
 use std::os::fd::AsRawFd;
@@ -78,14 +79,14 @@ impl Namespace {
         }
     }
 
-    /// As [`Namespace::new`]; where the rights are missing, says loudly that `test` is skipped and gives `None`.
+    /// As [`Namespace::new`]; where the rights are missing, `test` is [`skipped`] and gets `None`.
     ///
     /// Panics on any other failure: a test that can't run for another reason must not pass.
     pub fn for_test(test: &str) -> Option<Self> {
         match Self::new() {
             Ok(namespace) => Some(namespace),
             Err(error @ NamespaceError::MissingRights(_)) => {
-                eprintln!("SKIPPED: {test}: {error}");
+                skipped(format_args!("{test}: {error}"));
                 None
             }
             Err(error) => panic!("{test}: {error}"),

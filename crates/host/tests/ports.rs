@@ -3,7 +3,7 @@
 use omnibase_ethercat_wire::frame::FrameBuilder;
 use omnibase_ethercat_wire::{Address, Clock, Command, HostTime, Link, LinkError};
 use omnibase_host::{
-    LinkState, MonotonicClock, Namespace, OpenError, PacketRing, PacketSocket, Waiting, interface,
+    LinkState, MonotonicClock, Namespace, OpenError, PacketRing, PacketSocket, Waiting, interface, skipped,
 };
 use std::process::Command as Program;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -301,8 +301,7 @@ fn strace(port: &str, cycles: u32) -> Vec<(String, u64)> {
 fn system_calls_per_cycle() {
     let Some(namespace) = Namespace::for_test("system_calls_per_cycle") else { return };
     if Program::new("strace").arg("-V").output().is_err() {
-        eprintln!("SKIPPED: system_calls_per_cycle: strace is not installed");
-        return;
+        return skipped("system_calls_per_cycle: strace is not installed");
     }
     const CYCLES: u64 = 500;
     let count = |calls: &[(String, u64)], name: &str| {

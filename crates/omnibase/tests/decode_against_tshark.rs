@@ -126,8 +126,7 @@ fn compare(name: &str, expected: usize) {
         return;
     }
     if Command::new("tshark").arg("--version").output().is_err() {
-        eprintln!("SKIPPED: tshark is not installed");
-        return;
+        return omnibase_host::skipped("tshark is not installed");
     }
     let (ours, theirs) = (ours(&capture), theirs(&capture));
     assert_eq!(theirs.len(), expected, "datagrams that tshark sees");

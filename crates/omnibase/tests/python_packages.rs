@@ -19,10 +19,7 @@ const API_PACKAGES: [&str; 2] = ["openapi-spec-validator==0.7.2", "jsonschema>=4
 
 #[test]
 fn every_message_and_every_column_is_read() {
-    let python = match python("python-mcap", &PACKAGES, "import mcap_protobuf, numpy") {
-        Ok(python) => python,
-        Err(why) => return eprintln!("SKIPPED: no Python with mcap and numpy: {why}"),
-    };
+    let Some(python) = python("python-mcap", &PACKAGES, "import mcap_protobuf, numpy") else { return };
     let folder =
         Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("python-packages-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
@@ -65,9 +62,9 @@ fn every_message_and_every_column_is_read() {
 
 #[test]
 fn a_client_of_the_description_alone_drives_the_robot() {
-    let python = match python("python-api", &API_PACKAGES, "import jsonschema, openapi_spec_validator") {
-        Ok(python) => python,
-        Err(why) => return eprintln!("SKIPPED: no Python with openapi-spec-validator: {why}"),
+    let Some(python) = python("python-api", &API_PACKAGES, "import jsonschema, openapi_spec_validator")
+    else {
+        return;
     };
     let token = "token-of-the-description";
     let folder = tempfile::tempdir().unwrap();
@@ -102,10 +99,7 @@ const NATNET_PACKAGES: [&str; 1] = ["natnet==0.3.0"];
 
 #[test]
 fn frames_of_natnet_are_read_as_by_another_client() {
-    let python = match python("python-natnet", &NATNET_PACKAGES, "import natnet") {
-        Ok(python) => python,
-        Err(why) => return eprintln!("SKIPPED: no Python with natnet: {why}"),
-    };
+    let Some(python) = python("python-natnet", &NATNET_PACKAGES, "import natnet") else { return };
     let body = |id, x, flags| motive::Sent {
         id,
         position: [x, 0.25, -1.5],

@@ -182,7 +182,7 @@ fn motions(output: &Path) -> Vec<(String, u64, u64)> {
 fn browser(width: u32, height: u32) -> Option<Browser> {
     let browser = Browser::start(width, height);
     if browser.is_none() {
-        eprintln!("SKIPPED: Chromium isn't installed: the set-up's page was not tried");
+        omnibase_host::skipped("Chromium isn't installed: the set-up's page was not tried");
     }
     browser
 }

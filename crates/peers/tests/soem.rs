@@ -7,16 +7,16 @@ use omnibase_peers::{behind_a_cable, drives, makers, soem};
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::simulated;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::LazyLock;
+
+#[path = "../../omnibase/tests/python_tools/mod.rs"]
+mod python_tools;
 
 /// Python with `pysoem`, made by the first test that asks.
 fn python() -> Option<&'static Path> {
-    static PYTHON: OnceLock<Option<PathBuf>> = OnceLock::new();
-    let python = PYTHON.get_or_init(|| {
-        let python = soem::python(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("pysoem"));
-        python.inspect_err(|reason| eprintln!("SKIPPED: SOEM: {reason}")).ok()
-    });
-    python.as_deref()
+    static PYTHON: LazyLock<Option<PathBuf>> =
+        LazyLock::new(|| python_tools::python("pysoem", &["pysoem==1.1.13"], "import pysoem"));
+    PYTHON.as_deref()
 }
 
 fn reaches_op_with(kind: &str, count: usize) {

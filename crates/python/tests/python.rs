@@ -9,15 +9,11 @@ fn root() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("../..").canonicalize().unwrap()
 }
 
-/// Python with what the package is used with, as `.ci/python` makes it; says loudly where it is missing.
+/// Python with what the package is used with, as `.ci/python` makes it.
 fn python() -> Option<PathBuf> {
     let python = root().join("target/python/bin/python");
     if !python.is_file() {
-        assert!(
-            std::env::var_os("OMNIBASE_WITNESSES").is_none(),
-            "Python with numpy, pandas and gymnasium is missing: .ci/python"
-        );
-        println!("SKIPPED: Python with numpy, pandas and gymnasium isn't there: .ci/python makes it");
+        omnibase_host::skipped("Python with numpy, pandas and gymnasium isn't there: .ci/python makes it");
         return None;
     }
     Some(python)

@@ -100,13 +100,7 @@ fn limits([jerk_m_s3, angular_jerk_rad_s3]: [f64; 2]) -> Limits {
 
 /// The times of the first paths, by both.
 fn compared(witness: &Witness, count: usize, jerk: Option<[f64; 2]>) -> Option<Vec<[f64; 2]>> {
-    let python = match python(witness.environment, witness.packages, witness.imports) {
-        Ok(python) => python,
-        Err(why) => {
-            eprintln!("SKIPPED: no {}: {why}", witness.environment);
-            return None;
-        }
-    };
+    let python = python(witness.environment, witness.packages, witness.imports)?;
     // Without a limit one that is far away.
     let limits = limits(jerk.unwrap_or([1e5, 1e5]));
     let bounds = PlatformBounds::new(limits);

@@ -204,10 +204,7 @@ fn and_so_do_a_hundred_on_wheels_that_turn_and_grip_only_so_much() {
 
 /// The times of a hundred tasks, by both.
 fn same_times(seed: u64, make: fn(&mut Random) -> Task) {
-    let python = match python("python-toppra", &["toppra==0.6.10"], "import toppra") {
-        Ok(python) => python,
-        Err(why) => return eprintln!("SKIPPED: no Python with toppra: {why}"),
-    };
+    let Some(python) = python("python-toppra", &["toppra==0.6.10"], "import toppra") else { return };
     let mut random = Random(seed);
     let tasks: Vec<Task> = (0..PATHS).map(|_| make(&mut random)).collect();
     let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/time_optimal.py");

@@ -1,5 +1,8 @@
 //! The robot's cycle drives a plant that isn't ours: MuJoCo's, on wheels with true rollers.
 
+#[path = "../../host/src/skipped.rs"]
+mod skipped;
+
 use std::path::Path;
 
 use omnibase_trials::mujoco::{self, MujocoPlant};
@@ -9,13 +12,8 @@ use omnibase_trials::slip::{Case, Slid};
 /// A short circle; `None` where there is no MuJoCo.
 fn ride(law: &'static str, friction: f64, faster: f64) -> Option<Slid> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python-mujoco");
-    let python = match mujoco::python(&folder) {
-        Ok(python) => python,
-        Err(why) => {
-            eprintln!("SKIPPED: no Python with MuJoCo: {why}");
-            return None;
-        }
-    };
+    let lacking = |why: &String| skipped::skipped(format_args!("no Python with MuJoCo: {why}"));
+    let python = mujoco::python(&folder).inspect_err(lacking).ok()?;
     let (robot, path, more) = (BMM, "circle", String::new());
     let (payload_kg, off_centre_m, gyro) = (0.0, 0.0, false);
     let case = Case { robot, law, path, faster, friction, payload_kg, off_centre_m, gyro, more };

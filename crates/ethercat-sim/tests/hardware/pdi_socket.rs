@@ -1,5 +1,8 @@
 //! Firmware in another process: the protocol byte by byte, and the C client with its example.
 
+#[path = "../../../host/src/skipped.rs"]
+mod skipped;
+
 use crate::bench::{Bench, fmmu, sync_manager};
 use core::time::Duration;
 use omnibase_ethercat_sim::{EscConfig, Fault, Pace, Segment, SocketApplication, SubDevice};
@@ -102,7 +105,7 @@ fn nonsense_ends_the_connection_and_the_segment_goes_on() {
 /// The example firmware, compiled; `None`, said loudly, where there is no C compiler.
 fn example_firmware(name: &str) -> Option<PathBuf> {
     if Process::new("cc").arg("--version").output().is_err() {
-        eprintln!("SKIPPED: no C compiler (cc), so the C client of the PDI socket isn't tested");
+        skipped::skipped("no C compiler (cc), so the C client of the PDI socket isn't tested");
         return None;
     }
     let sources = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("c");

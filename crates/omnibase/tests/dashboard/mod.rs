@@ -42,7 +42,7 @@ fn browser(width: u32, height: u32) -> Option<Browser> {
 /// Says it where there is none.
 fn told(browser: Option<Browser>) -> Option<Browser> {
     if browser.is_none() {
-        eprintln!("SKIPPED: Chromium isn't installed: the page was not tried");
+        omnibase_host::skipped("Chromium isn't installed: the page was not tried");
     }
     browser
 }

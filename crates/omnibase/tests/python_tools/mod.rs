@@ -1,11 +1,20 @@
 //! A Python with packages that a test talks to, and commands that must succeed.
 
+#[path = "../../../host/src/skipped.rs"]
+mod skipped;
+
+use skipped::skipped;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// A Python with packages: that of `.ci/python` where it has them, else one in an environment of this name that is made once;
-/// `Err` says why there is none.
-pub fn python(name: &str, packages: &[&str], imports: &str) -> Result<PathBuf, String> {
+/// where it can't be had, the test is skipped and gets `None`.
+pub fn python(name: &str, packages: &[&str], imports: &str) -> Option<PathBuf> {
+    let lacking = |why: &String| skipped(format_args!("no Python with {}: {why}", packages.join(", ")));
+    found_or_made(name, packages, imports).inspect_err(lacking).ok()
+}
+
+fn found_or_made(name: &str, packages: &[&str], imports: &str) -> Result<PathBuf, String> {
     let target = Path::new(env!("CARGO_TARGET_TMPDIR"));
     let (shared, own) = (target.with_file_name("python"), target.join(name));
     let [shared, python] = [&shared, &own].map(|folder| folder.join("bin/python"));
@@ -18,6 +27,7 @@ pub fn python(name: &str, packages: &[&str], imports: &str) -> Result<PathBuf, S
     if !has_packages(&python) {
         successful(Command::new("python3").args(["-m", "venv", "--clear"]).arg(&own))?;
         successful(Command::new(&python).args(["-m", "pip", "install", "--quiet"]).args(packages))?;
+        successful(Command::new(&python).args(["-c", imports]))?;
     }
     Ok(python)
 }

@@ -1,7 +1,7 @@
 //! The program itself under `strace`: what its thread of the cycle asks the kernel for while the robot follows its path.
 
 use super::support::{PATIENT, Program, Scratch, repository};
-use omnibase_host::Namespace;
+use omnibase_host::{Namespace, skipped};
 use std::collections::BTreeMap;
 use std::process::{Command, Stdio};
 
@@ -66,8 +66,7 @@ fn asks_for(port: &str, more: &[&str], allowed: &[&str]) {
     const TEST: &str = "the_thread_of_the_cycle_asks_the_kernel";
     let Some(namespace) = Namespace::for_test(TEST) else { return };
     if Command::new("strace").arg("-V").stdout(Stdio::null()).status().is_err() {
-        eprintln!("SKIPPED: {TEST}: strace is not installed");
-        return;
+        return skipped(format_args!("{TEST}: strace is not installed"));
     }
     let traces = (0..ATTEMPTS).map(|_| namespace.run(|| traced(port, more)));
     let Some(trace) = traces.into_iter().find(|trace| calls(trace).is_some()) else {

@@ -19,11 +19,12 @@ mod table;
 
 #[path = "../../../host/benches/bare/mod.rs"]
 mod bare;
+#[path = "../../../omnibase/tests/python_tools/mod.rs"]
+mod python_tools;
 
 use mark::Mark;
 use omnibase_host::{Namespace, PacketRing, PacketSocket, Waiting};
 use run::{Arena, Figures};
-use std::path::Path;
 
 /// Drives in the segment.
 pub const DRIVES: usize = 3;
@@ -110,8 +111,7 @@ fn side_by_side(kind: &str) {
         Ok(namespace) => namespace,
         Err(error) => return println!("SKIPPED: {error}"),
     };
-    let python = omnibase_peers::soem::python(&Path::new(env!("CARGO_TARGET_TMPDIR")).join("pysoem"));
-    let python = python.inspect_err(|reason| println!("SKIPPED: pysoem: {reason}")).ok();
+    let python = python_tools::python("pysoem", &["pysoem==1.1.13"], "import pysoem");
     let arena = Arena { python, kind: kind.to_owned(), events: run::countable_events() };
     let contestants: Vec<_> = Contestant::ALL
         .into_iter()

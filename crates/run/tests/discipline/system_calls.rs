@@ -8,7 +8,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 
 use omnibase_ethercat::wire::{Clock, HostTime, Link, LinkError};
 use omnibase_ethercat_sim::serve;
-use omnibase_host::{MonotonicClock, Namespace, PacketSocket};
+use omnibase_host::{MonotonicClock, Namespace, PacketSocket, skipped};
 use omnibase_record::run::{OnFull, RunFiles, RunRecorder};
 use omnibase_robot::signals::StopCategory;
 use omnibase_robot::{Registry, RequestKind, Robot};
@@ -126,8 +126,7 @@ fn the_cycle_calls_the_kernel_for_frames_and_time_alone() {
     const TEST: &str = "the_cycle_calls_the_kernel_for_frames_and_time_alone";
     let Some(namespace) = Namespace::for_test(TEST) else { return };
     if Command::new("strace").arg("-V").output().is_err() {
-        eprintln!("SKIPPED: {TEST}: strace is not installed");
-        return;
+        return skipped(format_args!("{TEST}: strace is not installed"));
     }
     for attempt in 1..=ATTEMPTS {
         let (text, says) = traced(&namespace, attempt);
