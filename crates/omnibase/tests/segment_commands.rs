@@ -7,9 +7,9 @@ mod memory;
 use omnibase_ethercat_wire::sii;
 use omnibase_host::Namespace;
 use serde_json::Value;
-use std::io::{BufRead, BufReader};
+use std::io::{BufRead, BufReader, Read};
 use std::path::PathBuf;
-use std::process::{Child, Command, Output, Stdio};
+use std::process::{Child, ChildStdout, Command, Output, Stdio};
 
 fn omnibase(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_omnibase")).args(arguments).stdin(Stdio::null()).output().unwrap()
@@ -335,37 +335,43 @@ fn wrong_usage_is_code_2_and_help_has_examples() {
 }
 
 /// A simulator that runs until the value goes.
-struct Simulator(Child);
+struct Simulator {
+    process: Child,
+    told: BufReader<ChildStdout>,
+}
 
 impl Simulator {
     /// Starts it and waits until it answers. To be called inside the namespace.
     fn start(arguments: &[&str]) -> (Self, Vec<String>) {
-        let mut child = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+        let mut process = Command::new(env!("CARGO_BIN_EXE_omnibase"))
             .arg("simulate")
             .args(arguments)
             .args(["--interface", Namespace::FAR])
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();
-        let mut lines = BufReader::new(child.stdout.take().unwrap()).lines().map_while(Result::ok);
+        let mut told = BufReader::new(process.stdout.take().unwrap());
+        let mut lines = told.by_ref().lines().map_while(Result::ok);
         let mut shown: Vec<String> = lines.next().into_iter().collect();
         let count: usize = shown[0].split(' ').nth(1).unwrap().parse().unwrap();
         shown.extend(lines.take(count));
-        (Simulator(child), shown)
+        (Simulator { process, told }, shown)
     }
 
-    /// Ends it as Ctrl-C does; its exit code.
-    fn interrupt(mut self) -> Option<i32> {
-        let status = Command::new("kill").args(["-INT", &self.0.id().to_string()]).status().unwrap();
+    /// Ends it as Ctrl-C does; its exit code, and what it told at its end.
+    fn interrupt(mut self) -> (Option<i32>, String) {
+        let status = Command::new("kill").args(["-INT", &self.process.id().to_string()]).status().unwrap();
         assert!(status.success());
-        self.0.wait().unwrap().code()
+        let mut told = String::new();
+        self.told.read_to_string(&mut told).unwrap();
+        (self.process.wait().unwrap().code(), told)
     }
 }
 
 impl Drop for Simulator {
     fn drop(&mut self) {
-        let _ = self.0.kill();
-        let _ = self.0.wait();
+        let _ = self.process.kill();
+        let _ = self.process.wait();
     }
 }
 
@@ -393,7 +399,7 @@ fn simulate_answers_scan_sdo_and_exchange_over_a_cable() {
             assert_eq!(found["cycles"].as_u64(), Some(50), "{port:?}: {}", text(&output.stderr));
             assert_eq!(found["operational"].as_bool(), Some(true), "{port:?}: {}", text(&output.stderr));
         }
-        assert_eq!(simulator.interrupt(), Some(0));
+        assert_eq!(simulator.interrupt().0, Some(0));
     });
 }
 

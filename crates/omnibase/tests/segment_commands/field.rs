@@ -3,8 +3,9 @@
 use super::{Simulator, json, omnibase, scratch, segment, sim, text};
 use omnibase_ethercat_wire::sii;
 use omnibase_host::Namespace;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
+use std::sync::LazyLock;
 
 #[test]
 fn a_simulator_that_dies_is_noticed() {
@@ -307,8 +308,8 @@ fn exchange_writes_the_watchdog_of_who_has_outputs() {
     }
 }
 
-/// The firmware in C that the repository ships, compiled; `None`, said loudly, where there is no C compiler.
-fn mailbox_firmware() -> Option<std::path::PathBuf> {
+/// The firmware in C that the repository ships, compiled by the first test that asks; `None`, said loudly, where there is no C compiler.
+static MAILBOX_FIRMWARE: LazyLock<Option<PathBuf>> = LazyLock::new(|| {
     let sources = Path::new(env!("CARGO_MANIFEST_DIR")).join("../ethercat-sim/c");
     let program = Path::new(env!("CARGO_TARGET_TMPDIR")).join("mailbox_firmware");
     let compiled = Command::new("cc")
@@ -317,17 +318,17 @@ fn mailbox_firmware() -> Option<std::path::PathBuf> {
         .args([sources.join("mailbox_firmware.c"), sources.join("pdi_client.c")])
         .output();
     let Ok(compiled) = compiled else {
-        eprintln!("SKIPPED: no C compiler (cc), so foreign firmware isn't tested from the command line");
+        omnibase_host::skipped("no C compiler (cc), so foreign firmware isn't tested from the command line");
         return None;
     };
     assert!(compiled.status.success(), "{}", text(&compiled.stderr));
     Some(program)
-}
+});
 
 /// Two programs in C behind two chips, in lockstep: mapped by their own SDO servers, brought to OP, cycled without a loss.
 #[test]
 fn foreign_firmware_goes_to_op_from_the_command_line() {
-    let Some(program) = mailbox_firmware() else { return };
+    let Some(program) = &*MAILBOX_FIRMWARE else { return };
     let folder = tempfile::tempdir().unwrap();
     let sockets = ["one", "two"].map(|name| folder.path().join(format!("{name}.pdi")));
     let tables: Vec<String> = sockets
@@ -353,7 +354,7 @@ fn foreign_firmware_goes_to_op_from_the_command_line() {
         while !socket.exists() && exchange.try_wait().unwrap().is_none() {
             std::thread::sleep(std::time::Duration::from_millis(5));
         }
-        firmware.push(Command::new(&program).arg(socket).spawn().unwrap());
+        firmware.push(Command::new(program).arg(socket).spawn().unwrap());
     }
     let output = exchange.wait_with_output().unwrap();
     let report = json(&output);
@@ -363,4 +364,44 @@ fn foreign_firmware_goes_to_op_from_the_command_line() {
         // Its connection ended with the simulator.
         assert!(one.wait().unwrap().success());
     }
+}
+
+/// The shipped segment of two programs in C, free running behind a cable: both reach OP beside each other, and the end tells how far the
+/// segment's time was behind the clock.
+#[test]
+fn foreign_firmware_runs_freely_behind_a_cable() {
+    let Some(namespace) = Namespace::for_test("foreign_firmware_runs_freely_behind_a_cable") else { return };
+    let Some(program) = &*MAILBOX_FIRMWARE else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let sockets = ["one", "two"].map(|name| folder.path().join(format!("omnibase-{name}.pdi")));
+    let shipped = std::fs::read_to_string(segment("two-foreign")).unwrap();
+    let file = folder.path().join("two-foreign.toml");
+    std::fs::write(&file, shipped.replace("/tmp", folder.path().to_str().unwrap())).unwrap();
+    namespace.run(|| {
+        let (simulator, shown) = Simulator::start(&[file.to_str().unwrap()]);
+        assert_eq!(shown[0], "simulating 2 SubDevices on veth1; Ctrl-C ends");
+        let firmware = sockets.map(|socket| Command::new(program).arg(socket).spawn().unwrap());
+        let exchange = ["exchange", Namespace::NEAR, "--cycles", "50", "--cycle-us", "20000", "--json"];
+        // Where the machine pauses, watchdogs take them out of OP again.
+        let mut runs = (0..30).map(|_| omnibase(&exchange));
+        let is_operational = |run: &Output| {
+            let report: serde_json::Value = serde_json::from_slice(&run.stdout).unwrap_or_default();
+            report["operational"] == true
+        };
+        assert!(runs.any(|run| is_operational(&run)), "none of thirty runs ends with both in OP");
+        let (code, told) = simulator.interrupt();
+        assert_eq!(code, Some(0));
+        let lag = told.lines().find_map(|line| line.strip_prefix("the segment's time was "));
+        let words: Vec<&str> = lag.expect(&told).split(' ').collect();
+        let [behind_ms, "ms", "behind", "the", "clock", .., looks_behind, "of", looks, "looks"] = words[..]
+        else {
+            panic!("{told}")
+        };
+        let [looks_behind, looks] = [looks_behind, looks].map(|number| number.parse::<u64>().unwrap());
+        assert!(behind_ms.parse::<f64>().unwrap() >= 0.0 && looks_behind <= looks && looks > 0, "{told}");
+        for mut one in firmware {
+            // Its connection ended with the simulator.
+            assert!(one.wait().unwrap().success());
+        }
+    });
 }
