@@ -233,6 +233,7 @@ export class View {
   draw() {
     const g = this.context;
     this.shown = this.pose;
+    this.canvas.dataset.scale = this.scale.toFixed(3);
     this.canvas.dataset.centre_m = this.centre.map((metres) => metres.toFixed(4)).join(" ");
     this.colours ??= Object.fromEntries(
       COLOURS.map((name) => [name, getComputedStyle(document.documentElement).getPropertyValue(`--${name}`)]),

@@ -1,6 +1,7 @@
 //! Fence and walls drawn and changed on the page.
 
 use serde_json::{Value, json};
+use std::path::{Path, PathBuf};
 
 use super::browser::Browser;
 use super::robot::Robot;
@@ -21,12 +22,43 @@ fn fence(robot: &Robot) -> Value {
     robot.read("now")["fence"].clone()
 }
 
+/// Writes a map 4 m wide around odom's origin, all free but for a wall of 0.2 by 0.4 m; the name of its file.
+fn map_with_a_wall(folder: &Path) -> PathBuf {
+    let rows = (0..40).flat_map(|row| (0..40).map(move |column| (row, column)));
+    let is_wall = |(row, column)| (18..22).contains(&row) && (5..7).contains(&column);
+    let cells: Vec<u8> = rows.map(|at| if is_wall(at) { 0 } else { 254 }).collect();
+    std::fs::write(folder.join("room.pgm"), [b"P5 40 40 255\n", &cells[..]].concat()).unwrap();
+    let settings = "image: room.pgm\nresolution: 0.1\norigin: [-2.0, -2.0, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+    let file = folder.join("room.yaml");
+    std::fs::write(&file, settings).unwrap();
+    file
+}
+
+/// What the view shows at a place of odom, in words of JavaScript: red, green, blue, and how opaque.
+fn colour([x_m, y_m]: [f64; 2]) -> String {
+    format!(
+        "(() => {{ const view = document.getElementById('view'), {{ scale, centre_m }} = view.dataset, [x, y] = centre_m.split(' '); \
+         const at = [view.width / 2 + ({x_m} - x) * scale, view.height / 2 - ({y_m} - y) * scale]; \
+         return [...view.getContext('2d').getImageData(...at, 1, 1).data].join(); }})()"
+    )
+}
+
 #[test]
 fn a_fence_is_changed_by_mouse_and_keyboard_and_none_is_taken_that_leaves_the_robot_outside() {
     let Some(mut page) = browser(1400, 1000) else { return };
-    let robot = Robot::start(&["--set", FENCE, "--set", "map.blocked_m=[[[1.2,0.3],[1.5,0.3],[1.4,0.9]]]"]);
+    let maps = tempfile::tempdir().unwrap();
+    let map = format!("map.file={:?}", map_with_a_wall(maps.path()));
+    let triangle = "map.blocked_m=[[[1.2,0.3],[1.5,0.3],[1.4,0.9]]]";
+    let robot = Robot::start(&["--set", FENCE, "--set", triangle, "--set", &map]);
     page.open(&robot.url());
     opened(&mut page);
+    // The map lies underneath, in the colour of walls, and nothing where its floor is free.
+    let [wall, free] = [[-1.4, 0.1], [-1.4, 0.4]].map(colour);
+    let grey = "(() => { const ink = new OffscreenCanvas(1, 1).getContext('2d'); \
+        ink.fillStyle = getComputedStyle(document.documentElement).getPropertyValue('--line'); ink.fillRect(0, 0, 1, 1); \
+        return [...ink.getImageData(0, 0, 1, 1).data].join(); })()";
+    page.wait(&format!("{wall} === {grey}"));
+    assert_eq!(page.value(&free), json!("0,0,0,0"));
     let screen = Screen::of(&mut page, &robot);
     // Words that come above the view while the mouse is on its way move the button.
     until(&mut page, "the fence is edited", |page| {
@@ -133,7 +165,49 @@ fn a_way_shows_its_speed(page: &mut Browser, robot: &Robot) {
     page.picture("way-dark");
     page.ask("Emulation.setEmulatedMedia", json!({ "features": [] }));
     page.picture("way");
+    what_is_left_and_what_binds_is_told(page, robot);
+    it_grows_shrinks_and_moves_by_hand(page);
     page.resize(320, 640);
     page.middle("#view");
     page.picture("way-320");
+}
+
+/// On its way the page says how long that still takes and what binds it, and has a legend for the limits' colours.
+fn what_is_left_and_what_binds_is_told(page: &mut Browser, robot: &Robot) {
+    let mut goals = [[-0.5, -0.4, 0.0], [0.6, -0.4, 0.0]].into_iter().cycle();
+    until(page, "it says what is left and what binds", |page| {
+        let (_, said) = robot.call(&json!({ "do": "drive_to", "pose": goals.next() }));
+        let told = "/^[0-9.]+ s left[.] Bound by [a-z]/.test(document.getElementById('left').textContent)";
+        said["done"] == true && page.is_true_within(told, HIT)
+    });
+    let limit = robot.read("planned")["binds"]["limits"][0]["name"].clone();
+    let limit = limit.as_str().unwrap();
+    page.wait(&format!("document.getElementById('binds-key').textContent.includes('{limit} ')"));
+}
+
+/// By the wheel, and by the keyboard.
+fn it_grows_shrinks_and_moves_by_hand(page: &mut Browser) {
+    const SCALE: &str = "Number(document.getElementById('view').dataset.scale)";
+    const CENTRE: &str = "document.getElementById('view').dataset.centre_m.split(' ').map(Number)";
+    let [x, y] = page.middle("#view");
+    let before = page.value(SCALE).as_f64().unwrap();
+    for (turned, grown) in [(-200.0, 1.35), (200.0, 1.0)] {
+        let wheel = json!({ "type": "mouseWheel", "x": x, "y": y, "deltaX": 0.0, "deltaY": turned });
+        page.ask("Input.dispatchMouseEvent", wheel);
+        page.wait(&format!("Math.abs({SCALE} / {before} - {grown}) < 0.01"));
+    }
+    page.value("document.getElementById('view').focus()");
+    let mut press = |key: &str, brings: &str| {
+        page.ask("Input.dispatchKeyEvent", json!({ "type": "keyDown", "key": key }));
+        page.ask("Input.dispatchKeyEvent", json!({ "type": "keyUp", "key": key }));
+        page.wait(brings);
+        page.value(CENTRE)
+    };
+    let grown = 1.25 * before;
+    let centre_m = press("+", &format!("Math.abs({SCALE} - {grown}) < 0.01"));
+    let [x_m, y_m] = [0, 1].map(|axis| centre_m[axis].as_f64().unwrap());
+    let step_m = 40.0 / grown;
+    press("ArrowLeft", &format!("Math.abs({CENTRE}[0] - {}) < 1e-3", x_m - step_m));
+    press("ArrowUp", &format!("Math.abs({CENTRE}[1] - {}) < 1e-3", y_m + step_m));
+    press("-", &format!("Math.abs({SCALE} - {before}) < 0.01"));
 }
