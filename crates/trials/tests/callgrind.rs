@@ -2,10 +2,9 @@
 //!
 //! A test starts itself under valgrind. Tests are less optimised than a release, so their counts are higher.
 
-#[path = "../../host/src/skipped.rs"]
-mod skipped;
-
 use std::process::Command;
+
+use crate::skipped::skipped;
 
 /// How many cycles are run, where the test runs under valgrind.
 const COUNTED: &str = "OMNIBASE_COUNTED";
@@ -17,7 +16,7 @@ pub fn a_cycle_costs_at_most(most: u64, test: &str, functions: &[&str], cycles: 
         return run(cycles.to_str().and_then(|cycles| cycles.parse().ok()).expect("a number of cycles"));
     }
     let [Some(before), Some(after)] = cycles.map(|cycles| counted(test, functions, cycles)) else {
-        return skipped::skipped("instructions aren't counted without valgrind");
+        return skipped("instructions aren't counted without valgrind");
     };
     let each = (after - before) / (cycles[1] - cycles[0]);
     println!("{each} instructions a cycle");

@@ -18,6 +18,8 @@ mod one_machine;
 mod same_bits;
 mod seeded;
 mod sensed;
+#[path = "../../host/src/skipped.rs"]
+mod skipped;
 mod slip;
 mod stops;
 mod torque_limit;

@@ -1,18 +1,17 @@
 //! The robot's cycle drives a plant that isn't ours: MuJoCo's, on wheels with true rollers.
 
-#[path = "../../host/src/skipped.rs"]
-mod skipped;
-
 use std::path::Path;
 
 use omnibase_trials::mujoco::{self, MujocoPlant};
 use omnibase_trials::robots::BMM;
 use omnibase_trials::slip::{Case, Slid};
 
+use crate::skipped::skipped;
+
 /// A short circle; `None` where there is no MuJoCo.
 fn ride(law: &'static str, friction: f64, faster: f64) -> Option<Slid> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python-mujoco");
-    let lacking = |why: &String| skipped::skipped(format_args!("no Python with MuJoCo: {why}"));
+    let lacking = |why: &String| skipped(format_args!("no Python with MuJoCo: {why}"));
     let python = mujoco::python(&folder).inspect_err(lacking).ok()?;
     let (robot, path, more) = (BMM, "circle", String::new());
     let (payload_kg, off_centre_m, gyro) = (0.0, 0.0, false);

@@ -12,5 +12,7 @@ mod in_process;
 mod pdi_socket;
 mod replay;
 mod sii;
+#[path = "../../../host/src/skipped.rs"]
+mod skipped;
 mod sync_managers;
 mod topology;

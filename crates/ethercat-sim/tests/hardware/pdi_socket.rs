@@ -1,9 +1,7 @@
 //! Firmware in another process: the protocol byte by byte, and the C client with its example.
 
-#[path = "../../../host/src/skipped.rs"]
-mod skipped;
-
 use crate::bench::{Bench, fmmu, sync_manager};
+use crate::skipped::skipped;
 use core::time::Duration;
 use omnibase_ethercat_sim::{EscConfig, Fault, Pace, Segment, SocketApplication, SubDevice};
 use omnibase_ethercat_wire::register as reg;
@@ -105,7 +103,7 @@ fn nonsense_ends_the_connection_and_the_segment_goes_on() {
 /// The example firmware, compiled; `None`, said loudly, where there is no C compiler.
 fn example_firmware(name: &str) -> Option<PathBuf> {
     if Process::new("cc").arg("--version").output().is_err() {
-        skipped::skipped("no C compiler (cc), so the C client of the PDI socket isn't tested");
+        skipped("no C compiler (cc), so the C client of the PDI socket isn't tested");
         return None;
     }
     let sources = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("c");

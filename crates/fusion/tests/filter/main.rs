@@ -11,5 +11,7 @@ mod inertial;
 mod lively;
 mod order;
 mod silence;
+#[path = "../../../host/src/skipped.rs"]
+mod skipped;
 mod two_poses;
 mod world;

@@ -21,6 +21,8 @@ mod reasons;
 mod replans;
 mod safety;
 mod settings;
+#[path = "../../../host/src/skipped.rs"]
+mod skipped;
 mod sources;
 mod stops;
 mod support;
