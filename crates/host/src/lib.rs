@@ -25,6 +25,7 @@ mod file_lock;
 pub mod interface;
 mod interface_lock;
 mod listening;
+mod look;
 mod namespace;
 mod packet_ring;
 mod packet_socket;

@@ -14,6 +14,7 @@
 
 use crate::clock::MonotonicClock;
 use crate::interface::LinkState;
+use crate::look::{Look, LooksFirst};
 use crate::raw::{DropCounts, OpenError, RawSocket, check_length, open_error, remaining_ns};
 use omnibase_ethercat_wire::frame::{ETHERNET_HEADER, MAX_FRAME};
 use omnibase_ethercat_wire::{Clock, HostTime, Link, LinkError};
@@ -32,14 +33,12 @@ const RECEIVE_SLOTS: usize = 512;
 const SEND_SLOTS: usize = 256;
 /// Where a frame stands in a send slot.
 const SEND_OFFSET: usize = libc::TPACKET2_HDRLEN - size_of::<libc::sockaddr_ll>();
-/// Looks at the ring between two looks at the clock while busy polling (a look at the clock costs about ten):
-/// half a microsecond to three, by the processor's pause.
-const LOOKS_PER_CLOCK: u32 = 64;
-
 /// How a receive waits for its frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Waiting {
-    /// Sleeps in `ppoll` until the frame or the deadline comes: two system calls per cycle with the send.
+    /// Looks at the ring for as long as frames usually take, a quarter of the time until the deadline at most, then sleeps
+    /// in `ppoll` until the frame or the deadline comes: one system call per cycle with the send where the frame comes as
+    /// usual, else two. Where looking doesn't pay, it sleeps at once.
     #[default]
     Sleep,
     /// Looks at the ring until the frame or the deadline comes: no system call, and a CPU fully used meanwhile.
@@ -55,6 +54,7 @@ pub struct PacketRing {
     receive_slot: usize,
     send_slot: usize,
     waiting: Waiting,
+    look: Look,
     /// The kernel's stamp of the frame that was taken last, ns since 1970-01-01 UTC.
     stamp_unix_ns: Option<u64>,
 }
@@ -82,7 +82,15 @@ impl PacketRing {
         socket.require_option(libc::PACKET_TX_RING, &ring(SEND_SLOTS), "making the send ring")?;
         let map = Mapping::new(&socket, (RECEIVE_SLOTS + SEND_SLOTS) * SLOT)?;
         socket.bind()?;
-        Ok(PacketRing { socket, map, receive_slot: 0, send_slot: 0, waiting, stamp_unix_ns: None })
+        Ok(PacketRing {
+            socket,
+            map,
+            receive_slot: 0,
+            send_slot: 0,
+            waiting,
+            look: Look::default(),
+            stamp_unix_ns: None,
+        })
     }
 
     /// The interface's name.
@@ -102,7 +110,7 @@ impl PacketRing {
 
     /// Takes the frame in the next receive slot, if the kernel has filled it.
     #[inline]
-    fn take(&mut self, buffer: &mut [u8]) -> Option<usize> {
+    fn taken(&mut self, buffer: &mut [u8]) -> Option<usize> {
         let slot = self.map.receive_slot(self.receive_slot);
         if !slot.is_filled() {
             return None;
@@ -118,32 +126,30 @@ impl PacketRing {
         self.receive_slot = (self.receive_slot + 1) % RECEIVE_SLOTS;
         if !fits {
             self.socket.drops.oversized += 1;
-            return self.take(buffer);
+            return self.taken(buffer);
         }
         Some(length)
     }
+}
 
-    /// Looks at the ring until a frame or the deadline comes.
-    fn spin(&mut self, buffer: &mut [u8], deadline: HostTime) -> Option<usize> {
-        loop {
-            for _ in 0..LOOKS_PER_CLOCK {
-                // Most looks find nothing: only the status word is touched by them.
-                if self.map.receive_slot(self.receive_slot).is_filled()
-                    && let Some(length) = self.take(buffer)
-                {
-                    return Some(length);
-                }
-                std::hint::spin_loop();
-            }
-            remaining_ns(deadline)?;
-        }
+impl LooksFirst for PacketRing {
+    /// A look at the clock costs about ten at the ring: half a microsecond to three, by the processor's pause.
+    const LOOKS_PER_CLOCK: u32 = 64;
+    const PAUSES_PER_LOOK: u32 = 1;
+
+    fn learnt(&mut self) -> &mut Look {
+        &mut self.look
     }
 
-    /// Sleeps until the kernel has filled a slot or the deadline comes.
+    #[inline]
+    fn take(&mut self, buffer: &mut [u8]) -> Result<Option<usize>, LinkError> {
+        Ok(self.taken(buffer))
+    }
+
     fn sleep(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
         while let Some(remaining) = remaining_ns(deadline) {
             let events = self.socket.wait(remaining)?;
-            if let Some(length) = self.take(buffer) {
+            if let Some(length) = self.taken(buffer) {
                 return Ok(Some(length));
             }
             if events & (libc::POLLERR | libc::POLLHUP) != 0 {
@@ -201,15 +207,17 @@ impl Link for PacketRing {
     }
 
     fn receive(&mut self, buffer: &mut [u8], deadline: HostTime) -> Result<Option<usize>, LinkError> {
-        if let Some(length) = self.take(buffer) {
+        if let Some(length) = self.taken(buffer) {
             return Ok(Some(length));
         }
-        if remaining_ns(deadline).is_none() {
+        let now = &mut || MonotonicClock.now();
+        let wait = [now(), deadline];
+        if wait[0] >= deadline {
             return Ok(None);
         }
         let received = match self.waiting {
-            Waiting::BusyPoll => self.spin(buffer, deadline),
-            Waiting::Sleep => self.sleep(buffer, deadline)?,
+            Waiting::BusyPoll => self.spin(buffer, wait, now)?,
+            Waiting::Sleep => self.look_then_sleep(buffer, wait, now)?,
         };
         if received.is_none() {
             self.socket.check_link(MonotonicClock.now())?;
