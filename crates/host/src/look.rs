@@ -1,22 +1,18 @@
 //! For how long a port looks for a frame before it sleeps: as long as frames usually take, which is learnt.
 
 use omnibase_ethercat_wire::{HostTime, LinkError};
-use std::time::Duration;
 
 /// The part of the time until a deadline that may be looked, as a divisor: with the usual time-out of half a cycle, an eighth
 /// of the cycle.
-const SHARE: u32 = 4;
-/// The longest look, whatever the deadline.
-const MOST: Duration = Duration::from_micros(200);
-/// Less than this isn't worth a look at the clock, let alone at the ring.
-const LEAST: Duration = Duration::from_micros(1);
-/// What a frame is taken to need before one was seen.
-const AT_FIRST: Duration = Duration::from_micros(10);
+const SHARE: u64 = 4;
+/// The longest look, whatever the deadline, ns.
+const MOST_NS: u64 = 200_000;
+/// Less than this isn't worth a look at the clock, let alone at the ring, ns.
+const LEAST_NS: u64 = 1000;
+/// What a frame is taken to need before one was seen, ns.
+const AT_FIRST_NS: u64 = 10_000;
 /// The balance of looks in vain beyond which pauses grow no longer: 1023 waits.
 const MOST_IN_VAIN: u32 = 11;
-
-/// Less than a look takes on any processor, ns: who counts looks comes to an end beside a clock that stands, too.
-const LEAST_LOOK_NS: u64 = 2;
 
 /// A port that looks for its frame before it sleeps.
 pub(crate) trait LooksFirst {
@@ -42,7 +38,8 @@ pub(crate) trait LooksFirst {
         [begin, until]: [HostTime; 2],
         now: &mut impl FnMut() -> HostTime,
     ) -> Result<Option<usize>, LinkError> {
-        let most = until.0.saturating_sub(begin.0) / (LEAST_LOOK_NS * u64::from(Self::LOOKS_PER_CLOCK));
+        // A look takes a nanosecond on any processor: their number ends it beside a clock that stands, too.
+        let most = until.0.saturating_sub(begin.0) / u64::from(Self::LOOKS_PER_CLOCK);
         for _ in 0..=most {
             for _ in 0..Self::LOOKS_PER_CLOCK {
                 let taken = self.take(buffer)?;
@@ -88,10 +85,10 @@ pub(crate) trait LooksFirst {
 /// Looking pays where frames come soon. It doesn't where they take long, and where the look itself keeps them away: it has
 /// the CPU that the other end or the card's interrupt needs. So looks that find nothing for once thin out looks: they go on
 /// as long as at least every second one finds its frame.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Look {
-    /// What some nine of ten waits take at most.
-    usual: Duration,
+    /// What some nine of ten waits take at most, ns.
+    usual_ns: u64,
     /// Looks in vain less those that found their frame.
     in_vain: u32,
     /// Waits that are slept through before the next look.
@@ -101,18 +98,18 @@ pub(crate) struct Look {
     /// The deadline that was waited for last, and how much may still be looked until then: many frames within one deadline,
     /// or a flood of foreign ones, share it.
     deadline: HostTime,
-    left: Duration,
+    left_ns: u64,
 }
 
 impl Default for Look {
     fn default() -> Self {
         Look {
-            usual: AT_FIRST,
+            usual_ns: AT_FIRST_NS,
             in_vain: 0,
             pause: 0,
             begin: HostTime(0),
             deadline: HostTime(0),
-            left: Duration::ZERO,
+            left_ns: 0,
         }
     }
 }
@@ -123,15 +120,15 @@ impl Look {
         self.begin = now;
         if deadline != self.deadline {
             self.deadline = deadline;
-            self.left = ((deadline - now) / SHARE).min(MOST);
+            self.left_ns = (deadline.0.saturating_sub(now.0) / SHARE).min(MOST_NS);
         }
         if self.pause > 0 {
             self.pause -= 1;
             return None;
         }
         // Twice, as what is usual is exceeded now and then.
-        let look = (2 * self.usual).min(self.left);
-        (look >= LEAST).then(|| now + look)
+        let look_ns = (2 * self.usual_ns).min(self.left_ns);
+        (look_ns >= LEAST_NS).then(|| HostTime(now.0 + look_ns))
     }
 
     /// The look found a frame.
@@ -155,17 +152,17 @@ impl Look {
     }
 
     fn looked(&mut self, now: HostTime) {
-        self.left = self.left.saturating_sub(now - self.begin);
+        self.left_ns = self.left_ns.saturating_sub(now.0.saturating_sub(self.begin.0));
     }
 
     /// One step up or down, whose sizes have a ninth of the waits take longer: a single one moves it no further, however late.
     fn learn(&mut self, now: HostTime) {
-        if now - self.begin > self.usual {
-            self.usual += self.usual / 8;
+        if now.0.saturating_sub(self.begin.0) > self.usual_ns {
+            self.usual_ns += self.usual_ns / 8;
         } else {
-            self.usual -= self.usual / 64;
+            self.usual_ns -= self.usual_ns / 64;
         }
-        self.usual = self.usual.clamp(LEAST, MOST);
+        self.usual_ns = self.usual_ns.clamp(LEAST_NS, MOST_NS);
     }
 }
 
