@@ -1,6 +1,7 @@
-"""SOEM (as pysoem) takes a segment to OP and exchanges process data, back to back, as fast as it can.
+"""SOEM (as pysoem) takes a segment to OP and exchanges process data, back to back or at a period.
 
-Usage: soem_cycle.py INTERFACE CYCLES CONTROL
+Usage: soem_cycle.py INTERFACE CONTROL PERIOD_US CYCLES
+A period of 0 is back to back; else it sleeps until each cycle is due.
 Writes `enable` and `disable` into CONTROL around the cycles that count (see `perf stat --control`), awaits an answer
 from CONTROL.ack if there is such a file. Prints CPU time per cycle in ns and the number of wrong cycles, then the
 round trips in ns.
@@ -17,7 +18,8 @@ TIMEOUT_US = 50_000
 
 
 def main():
-    interface, cycles, control = sys.argv[1], int(sys.argv[2]), sys.argv[3]
+    interface, control = sys.argv[1:3]
+    period_s, cycles = int(sys.argv[3]) * 1e-6, int(sys.argv[4])
     control_file = os.open(control, os.O_WRONLY)
     answers = os.open(control + ".ack", os.O_RDONLY) if os.path.exists(control + ".ack") else None
 
@@ -49,11 +51,21 @@ def main():
     else:
         sys.exit("OP not reached")
 
+    due = time.monotonic()
+
+    def pace():
+        nonlocal due
+        if period_s:
+            due = max(due + period_s, time.monotonic())
+            time.sleep(max(due - time.monotonic(), 0))
+
     wrong = 0
     round_trips = []
     for _ in range(WARM_UP):
+        pace()
         exchange()
     for _ in range(cycles):
+        pace()
         start = time.monotonic_ns()
         counter = exchange()
         round_trips.append(time.monotonic_ns() - start)
@@ -61,6 +73,7 @@ def main():
     mark(b"enable\n")
     cpu_ns = time.process_time_ns()
     for _ in range(cycles):
+        pace()
         wrong += exchange() != master.expected_wkc
     cpu_ns = time.process_time_ns() - cpu_ns
     mark(b"disable\n")

@@ -98,12 +98,6 @@ impl BareRing {
         self.receive = (self.receive + 1) % SLOTS;
         Some(length)
     }
-
-    /// Sends `frame` and looks at the ring until a frame has come.
-    pub fn cycle(&mut self, frame: &[u8], buffer: &mut [u8]) {
-        self.send(frame);
-        while self.poll(buffer).is_none() {}
-    }
 }
 
 // An open socket gets a copy of every echo: candidates that have had their turn must be gone.
@@ -126,13 +120,16 @@ impl BareSocket {
         BareSocket(bare_socket(interface, false).0)
     }
 
-    /// Sends `frame` and waits for a frame.
-    pub fn cycle(&mut self, frame: &[u8], buffer: &mut [u8]) {
-        // SAFETY: pointers and lengths are those of live slices.
-        unsafe {
-            libc::send(self.0, frame.as_ptr().cast(), frame.len(), 0);
-            libc::recv(self.0, buffer.as_mut_ptr().cast(), buffer.len(), 0);
-        }
+    /// Sends `frame`.
+    pub fn send(&mut self, frame: &[u8]) {
+        // SAFETY: pointer and length are those of a live slice.
+        unsafe { libc::send(self.0, frame.as_ptr().cast(), frame.len(), 0) };
+    }
+
+    /// Waits for a frame.
+    pub fn receive(&mut self, buffer: &mut [u8]) {
+        // SAFETY: pointer and length are those of a live slice.
+        unsafe { libc::recv(self.0, buffer.as_mut_ptr().cast(), buffer.len(), 0) };
     }
 }
 

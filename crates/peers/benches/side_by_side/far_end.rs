@@ -1,15 +1,15 @@
 //! The segment, in a process of its own.
 
-use crate::DRIVES;
+use crate::Course;
 use omnibase_ethercat_sim::until_set;
 use omnibase_host::{MonotonicClock, Namespace, PacketRing, Waiting, stop_on_signals};
 use std::io::{BufRead, BufReader};
 use std::process::{Child, Command, Stdio};
 
 /// What the segment's process does: answers until it is ended.
-pub fn serve(kind: &str) {
+pub fn serve(kind: &str, drives: usize) {
     let stop = stop_on_signals().expect("signals can be caught");
-    let mut segment = omnibase_peers::drives(kind, DRIVES);
+    let mut segment = omnibase_peers::drives(kind, drives);
     // A segment of hardware doesn't sleep before it answers.
     let mut link = PacketRing::open(Namespace::FAR, Waiting::BusyPoll).expect("the far end can be opened");
     println!("ready");
@@ -22,10 +22,10 @@ pub struct FarEnd(Child);
 
 impl FarEnd {
     /// Starts it; every contestant finds a segment that has just been switched on.
-    pub fn start(kind: &str) -> Self {
+    pub fn start(kind: &str, course: Course) -> Self {
         let program = std::env::current_exe().expect("this program");
         let mut child = Command::new(program)
-            .args(["--segment", kind])
+            .args(["--segment", kind, &course.drives.to_string()])
             .stdout(Stdio::piped())
             .spawn()
             .expect("this program can be started");

@@ -1,10 +1,12 @@
 //! The cycles of a contestant: marked, so that counters of others count them alone, and measured.
 
-use omnibase_ethercat::wire::Clock;
+use crate::Course;
+use omnibase_ethercat::wire::{Clock, HostTime};
 use omnibase_host::MonotonicClock;
 use rustix::time::{ClockId, clock_gettime};
 use std::fs::{File, OpenOptions};
 use std::io::{Read, Write};
+use std::time::Duration;
 
 /// Cycles before those that are measured.
 const WARM_UP: u64 = 200;
@@ -18,6 +20,8 @@ pub struct Mark {
     answer: Option<File>,
     round_trips_ns: Vec<u64>,
     wrong: u64,
+    period: Duration,
+    due: HostTime,
 }
 
 impl Mark {
@@ -28,6 +32,8 @@ impl Mark {
             answer: File::open(format!("{control}.ack")).ok(),
             round_trips_ns: Vec::new(),
             wrong: 0,
+            period: Duration::ZERO,
+            due: HostTime(0),
         }
     }
 
@@ -63,18 +69,29 @@ impl Mark {
         self.wrong += u64::from(!right);
     }
 
-    /// How many cycles of which half: warm-up, timed, counted.
-    pub fn halves(cycles: u64) -> [u64; 3] {
-        [WARM_UP, cycles, cycles]
+    /// The cycles begin: how many of which half, warm-up, timed and counted.
+    pub fn halves(&mut self, course: Course) -> [u64; 3] {
+        (self.period, self.due) = (course.period, MonotonicClock.now());
+        [WARM_UP, course.cycles, course.cycles]
+    }
+
+    /// Sleeps until the next cycle is due (`clock_nanosleep` to an instant); back to back it is at once.
+    pub fn pace(&mut self) {
+        if !self.period.is_zero() {
+            self.due = (self.due + self.period).max(MonotonicClock.now());
+            MonotonicClock.sleep_until(self.due);
+        }
     }
 
     /// Runs the cycles: `cycle` tells whether it was right.
-    pub fn measure(mut self, cycles: u64, mut cycle: impl FnMut() -> bool) {
-        let [warm_up, timed, counted] = Self::halves(cycles);
+    pub fn measure(mut self, course: Course, mut cycle: impl FnMut() -> bool) {
+        let [warm_up, timed, counted] = self.halves(course);
         for _ in 0..warm_up {
+            self.pace();
             cycle();
         }
         for _ in 0..timed {
+            self.pace();
             let start = MonotonicClock.now();
             let right = cycle();
             self.round_trip((MonotonicClock.now() - start).as_nanos() as u64);
@@ -82,6 +99,7 @@ impl Mark {
         }
         let cpu = self.begin();
         for _ in 0..counted {
+            self.pace();
             let right = cycle();
             self.judge(right);
         }

@@ -1,7 +1,7 @@
 //! One run of a contestant's process, and what came out of it.
 
-use crate::Contestant;
 use crate::far_end::FarEnd;
+use crate::{Contestant, Course};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -49,9 +49,9 @@ pub struct Arena {
 
 impl Arena {
     /// Runs a contestant for its times.
-    pub fn time(&self, contestant: Contestant, cycles: u64, figures: &mut Figures) {
+    pub fn time(&self, contestant: Contestant, course: Course, figures: &mut Figures) {
         let control = Control::file();
-        let output = self.run(contestant, Command::new("env"), &control, cycles);
+        let output = self.run(contestant, Command::new("env"), &control, course);
         let mut lines =
             output.lines().map(|line| line.split(' ').filter_map(|word| word.parse::<u64>().ok()));
         let mut first = lines.next().expect("a first line");
@@ -61,7 +61,7 @@ impl Arena {
     }
 
     /// Runs a contestant for its user instructions and system calls between the marks, as far as `perf` is here.
-    pub fn count(&self, contestant: Contestant, cycles: u64, figures: &mut Figures) {
+    pub fn count(&self, contestant: Contestant, course: Course, figures: &mut Figures) {
         if self.events.is_empty() {
             return;
         }
@@ -73,12 +73,12 @@ impl Arena {
             .arg("-o")
             .arg(&counts)
             .arg("--");
-        self.run(contestant, perf, &control, cycles);
+        self.run(contestant, perf, &control, course);
         let text = fs::read_to_string(&counts).unwrap_or_default();
         let fewest = |before: Option<f64>, event: &str| {
             // Where an event isn't supported, perf says so in place of the number.
             let line = text.lines().find(|line| line.contains(event))?;
-            let counted = line.split(',').next()?.parse::<f64>().ok()? / cycles as f64;
+            let counted = line.split(',').next()?.parse::<f64>().ok()? / course.cycles as f64;
             Some(before.map_or(counted, |before| before.min(counted)))
         };
         figures.instructions = fewest(figures.instructions, INSTRUCTIONS);
@@ -86,20 +86,28 @@ impl Arena {
     }
 
     /// Runs a contestant under `program`, against a fresh segment; what it printed.
-    fn run(&self, contestant: Contestant, mut program: Command, control: &Control, cycles: u64) -> String {
-        let _far_end = FarEnd::start(&self.kind);
-        let cycles = cycles.to_string();
+    fn run(&self, contestant: Contestant, mut program: Command, control: &Control, course: Course) -> String {
+        let _far_end = FarEnd::start(&self.kind, course);
+        let [drives, period_us, cycles] =
+            [course.drives as u128, course.period.as_micros(), u128::from(course.cycles)]
+                .map(|it| it.to_string());
         match (contestant, &self.python) {
             (Contestant::Pysoem, Some(python)) => {
                 let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("python/soem_cycle.py");
-                program.arg(python).arg(script).args([omnibase_host::Namespace::NEAR, &cycles]);
+                program.arg(python).arg(script).args([
+                    omnibase_host::Namespace::NEAR,
+                    &control.path(),
+                    &period_us,
+                    &cycles,
+                ]);
             }
             _ => {
                 let this = std::env::current_exe().expect("this program");
-                program.arg(this).args(["--compete", &format!("{contestant:?}"), &cycles]);
+                program.arg(this).args(["--compete", &format!("{contestant:?}"), &control.path()]);
+                program.args([drives, period_us, cycles]);
             }
         }
-        let output = program.arg(control.path()).output();
+        let output = program.output();
         let output = output.unwrap_or_else(|error| panic!("{program:?}: {error}"));
         let said = String::from_utf8_lossy(&output.stderr);
         assert!(output.status.success(), "{program:?} failed: {said}");

@@ -5,6 +5,8 @@ use crate::run::Figures;
 
 /// The most that the busy-polling port may take of the bare ring loop's time.
 const RING_LIMIT: f64 = 1.5;
+/// The most that the ports which look and then sleep may take of the busy-polling one's round trip, back to back.
+const LOOK_LIMIT: f64 = 1.1;
 /// The most that ours may take of any peer's.
 const PEER_LIMIT: f64 = 0.5;
 
@@ -44,6 +46,12 @@ pub fn print(rows: &[Row]) {
             verdict(round_trip, RING_LIMIT),
             verdict(cpu, RING_LIMIT)
         );
+    }
+    for (one, name) in [(Contestant::Ring, "PacketRing"), (Contestant::Socket, "PacketSocket")] {
+        if let (Some(looks), Some(busy)) = (find(one), find(Contestant::BusyRing)) {
+            let round_trip = median(looks) as f64 / median(busy) as f64;
+            println!("{name} / PacketRing busy: round trip {}", verdict(round_trip, LOOK_LIMIT));
+        }
     }
     let peers = [Contestant::EtherCrab, Contestant::EtherCrabUring, Contestant::Pysoem];
     let ports = [Contestant::Socket, Contestant::Ring, Contestant::BusyRing];
