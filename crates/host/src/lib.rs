@@ -1,8 +1,8 @@
 //! Linux under the bus: packet sockets, clocks, the real-time thread.
 //!
-//! - [`PacketSocket`]: frames by `send` and `recv`, one call each per frame and one to wait; works everywhere.
-//! - [`PacketRing`]: frames through rings that are mapped into the process; with busy polling the receive needs
-//!   no system call at all.
+//! - [`PacketSocket`]: frames by `send` and `recv`; works everywhere.
+//! - [`PacketRing`]: frames through rings that are mapped into the process; a receive that needn't sleep needs no
+//!   system call at all.
 //! - [`FileLock`]: one program of ours that writes a file at a time.
 //! - [`InterfaceLock`]: one program of ours at an interface at a time; [`listen`]: whether somebody else drives it.
 //! - [`MonotonicClock`]: the clock that runners own.

@@ -62,7 +62,8 @@ pub struct Arguments {
     /// Use mapped rings (PACKET_RX_RING, PACKET_TX_RING) in place of send and recv.
     #[arg(long)]
     ring: bool,
-    /// Look at the ring until the frame is back instead of sleeping; uses up a CPU.
+    /// Look at the ring until the frame is back; uses up a CPU. Without it, it is looked at for as long as frames usually take, a
+    /// quarter of the time-out at most, and then slept.
     #[arg(long, requires = "ring")]
     busy_poll: bool,
     #[command(flatten)]
