@@ -93,11 +93,8 @@ impl CallHandler {
 
     fn try_take(&self, asker: Asker, call: Call, waiting: &Waiting) -> Result<Reply, String> {
         let robot = |kind| Ask::Robot(kind);
-        if call == Call::Pause {
-            // Before it is sent: what begins after a stop is refused, what begins after a pause isn't.
-            self.drive_to.stop_waiting(&self.live);
-        }
-        let stops = matches!(call, Call::Stop { .. } | Call::EmergencyStop);
+        let stops = matches!(call, Call::Stop { .. } | Call::EmergencyStop | Call::Pause);
+        let ends = stops || call == Call::EndMotion;
         let ask = match call {
             Call::Enable => robot(RequestKind::Enable),
             Call::Acknowledge => robot(RequestKind::Acknowledge),
@@ -188,9 +185,9 @@ impl CallHandler {
             Call::TeachEnd { name, tolerance_m } => return self.teach_end(asker, &name, tolerance_m),
         };
         let reply = self.send(asker, ask, "done");
-        if stops {
+        if ends && reply.is_ok() {
             // The stop itself waits for nothing.
-            self.drive_to.stop_waiting(&self.live);
+            self.drive_to.stop(&self.live, (!stops).then_some(asker.client));
         }
         reply
     }

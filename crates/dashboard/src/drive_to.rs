@@ -1,7 +1,7 @@
 //! Driving to a pose through the room: planned, driven, planned again where the way is blocked, given up with the reason.
 //!
-//! What is planned is loaded and started as any other reference is; what looks after it only pauses it, and only by itself. Whoever stops the
-//! robot, or loads something else, ends it.
+//! What is planned is loaded and started as any other reference is, but by what looks after it alone: nobody else begins it or goes on with it.
+//! Whoever stops or pauses the robot, or asks it for something else, ends it, whatever is planned meanwhile.
 
 mod lead;
 
@@ -9,14 +9,14 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
-use omnibase_plan::Until;
+use omnibase_plan::{PlanError, Until};
 use omnibase_platform::Pose2;
 use omnibase_robot::config::BestWay;
 use omnibase_robot::guard::{MAX_OBSTACLES, Obstacle, spread_m};
 use omnibase_robot::signals::{Course, Phase, SafetyReason};
 use omnibase_robot::{Ability, RequestKind};
-use omnibase_run::live::{Answer, Ask, Asker, Commander, Live, Refusal, Snapshot, Stamp};
-use omnibase_run::room::{WayRequest, stands_at};
+use omnibase_run::live::{Answer, Ask, Asker, Client, Commander, Live, Refusal, Snapshot, Stamp};
+use omnibase_run::room::{RoomError, WayRequest, stands_at};
 
 use crate::robot_info::RobotInfo;
 use crate::room_seen::WaySeen;
@@ -39,12 +39,18 @@ const SAME_M: f64 = 0.01;
 const THERE: f64 = 0.02;
 /// A way is looked for with so much of a processor: who asked is told by then, later only where others have the processor.
 const LONGEST: Duration = Duration::from_secs(1);
-/// Whoever asked so long ago may have given up: nothing begins for them.
+/// Whoever asked so long ago may have given up, after a wait for others or for a busy machine: nothing begins for them.
 const TOO_LATE: Duration = Duration::from_millis(3500);
+/// Why nothing begins for somebody, and what to do.
+const GONE: &str = "whoever asked for it waits no more";
+const BUSY: &str = "the machine was too busy to plan it in time: ask again";
 /// A drive that got farther than this from where it was held up got on, m and rad.
 const GOT_ON: f64 = 0.1;
 /// Why a drive is over that others ended.
 const REPLACED: &str = "it was stopped, or something else was asked";
+/// Why a way isn't begun.
+const MEANWHILE: &str =
+    "the robot was stopped, came to rest, or was asked for something else, while it was planned";
 /// Why something can't be sent.
 const FULL: &str = "too much was asked at once";
 
@@ -169,7 +175,10 @@ impl DriveTo {
             }
         }
         let mut walls = lock(&self.walls);
-        let text = format!("{} walls are drawn", polygons_m.len());
+        let text = match polygons_m.len() {
+            1 => "1 wall is drawn".to_owned(),
+            count => format!("{count} walls are drawn"),
+        };
         *walls = Walls { number: walls.number + 1, polygons_m: polygons_m.into() };
         Ok(text)
     }
@@ -222,10 +231,7 @@ impl DriveTo {
                 self.keep(drive, Some(begun.text.clone()));
                 Ok(Some(begun))
             }
-            Err(why) => {
-                self.give_back(drive);
-                Err(why)
-            }
+            Err(why) => self.give_back(drive).and(Err(why)),
         }
     }
 
@@ -233,11 +239,11 @@ impl DriveTo {
         lock(&self.walls).clone()
     }
 
-    /// Somebody stops the robot: what is planned, isn't seen on its way yet, or waits to be planned again, doesn't begin. A way that is
-    /// being driven is ended by what the robot does.
-    pub(crate) fn stop_waiting(&self, live: &Live) {
-        let drives = |drive: &Drive| matches!(drive.stage, Stage::Driving { is_seen: true, .. });
-        if lock(&self.under_way).as_ref().is_some_and(drives) {
+    /// Somebody stopped or paused the robot, or ended what this client alone had begun: no way begins, or goes on, that was asked for
+    /// before, wherever it is: planned, driven, planned again, or waiting for that.
+    pub(crate) fn stop(&self, live: &Live, whose: Option<Client>) {
+        let is_anothers = |drive: &Drive| whose.is_some_and(|client| client != drive.asker.client);
+        if lock(&self.under_way).as_ref().is_some_and(is_anothers) {
             return;
         }
         if let (_, Some(drive)) = self.take_over() {
@@ -252,11 +258,11 @@ impl DriveTo {
     }
 
     /// A drive that doesn't begin leaves the place to the one that it would have replaced, unless both were ended meanwhile.
-    fn give_back(&self, drive: Drive) {
+    fn give_back(&self, drive: Drive) -> Result<(), String> {
         let mut under_way = lock(&self.under_way);
-        if self.check_latest(&drive).is_ok() {
-            *under_way = drive.replaces.map(|before| Drive { order: drive.order, ..*before });
-        }
+        self.check_latest(&drive)?;
+        *under_way = drive.replaces.map(|before| Drive { order: drive.order, ..*before });
+        Ok(())
     }
 
     /// Goes on with a drive, unless it was ended meanwhile; what to say of it.
@@ -276,7 +282,7 @@ impl DriveTo {
         if self.latest.load(Ordering::Relaxed) == drive.order {
             return Ok(());
         }
-        Err("it was stopped, or something else was asked, while it was planned".to_owned())
+        Err(MEANWHILE.to_owned())
     }
 
     /// Lets the robot go, unless the drive was ended while it was planned: its ticket.
@@ -335,7 +341,16 @@ impl DriveTo {
                 // Whoever leads it elsewhere, or loads something else, has it.
                 let is_led = snapshot.phase == Phase::Tracking && !follows(&snapshot);
                 let is_own = [drive.number, drive.before].contains(&snapshot.reference);
+                // Only what comes onto its way, and its own pause, lets it go on by itself.
+                let is_of_the_way = matches!(
+                    snapshot.record.stop_reason,
+                    SafetyReason::None | SafetyReason::Requested | SafetyReason::WayBlocked
+                );
                 match snapshot.phase {
+                    Phase::Holding if !is_of_the_way => {
+                        self.end(live, &drive, Err("the robot was stopped"));
+                        None
+                    }
                     _ if is_led || !is_own => {
                         self.end(live, &drive, Err("something else was asked of the robot"));
                         None
@@ -374,17 +389,24 @@ impl DriveTo {
         }
         let mut other = drive.clone();
         let Ok(begun) = other.go(live, about, snapshot, &Waiting::here(), self) else {
-            self.pause(live, about, drive, snapshot);
+            // Whoever stopped it, or asked it for something else, meanwhile has it: it is looked at anew.
+            if self.check_latest(&drive).is_ok() && is_still(&live.snapshot(), snapshot) {
+                self.pause(live, about, drive, snapshot);
+            } else {
+                self.keep(drive, None);
+            }
             return None;
         };
-        Some(self.go_on(live, other, begun))
+        let why = if now.is_empty() { "walls were drawn" } else { "the way was blocked" };
+        Some(self.go_on(live, other, begun, why))
     }
 
     /// The robot goes on by another way.
-    fn go_on(&self, live: &Live, mut drive: Drive, begun: Begun) -> Begun {
+    fn go_on(&self, live: &Live, mut drive: Drive, begun: Begun, why: &str) -> Begun {
         drive.replans += 1;
-        let text = format!("{}; planned again {} times", begun.text, drive.replans);
-        live.tell(&format!("drive_to: the way was blocked, another one of {}", begun.text), None);
+        let times = if drive.replans == 1 { "once".to_owned() } else { format!("{} times", drive.replans) };
+        let text = format!("{}; planned again {times}", begun.text);
+        live.tell(&format!("drive_to: {why}, another one of {}", begun.text), None);
         self.keep(drive, Some(text));
         begun
     }
@@ -398,7 +420,9 @@ impl DriveTo {
             let goes_on = drive.replaces.as_ref().map(|before| before.goal);
             let text = if goes_on.is_some() { format!("on the way; another one was {why}") } else { why };
             let goal = goes_on.unwrap_or(drive.goal);
-            self.give_back(drive);
+            if self.give_back(drive).is_err() {
+                return;
+            }
             let goal = [goal.x_m, goal.y_m, goal.heading_rad];
             let (under_way, failed) = (goes_on.is_some(), goes_on.is_none());
             *lock(&self.seen) = Some(WaySeen { goal, text, under_way, failed });
@@ -434,7 +458,7 @@ impl DriveTo {
     fn again(&self, live: &Live, about: &RobotInfo, mut drive: Drive, snapshot: &Snapshot) -> Option<Begun> {
         let give_up_s = about.robot.plan.guard.give_up_s;
         match drive.go(live, about, snapshot, &Waiting::here(), self) {
-            Ok(begun) => Some(self.go_on(live, drive, begun)),
+            Ok(begun) => Some(self.go_on(live, drive, begun, "the way was blocked")),
             Err(why) if drive.since.elapsed().as_secs_f64() >= give_up_s => {
                 self.end(live, &drive, Err(&why));
                 None
@@ -461,7 +485,7 @@ impl Drive {
         let begun = computed();
         let is_over = || {
             computed().saturating_sub(begun) >= LONGEST
-                || is_too_late(waiting)
+                || too_late(waiting).is_some()
                 || drives.check_latest(self).is_err()
         };
         let walls = drives.walls();
@@ -482,9 +506,11 @@ impl Drive {
         // With all that it can do, as its replay makes it again of the table.
         let ability = Ability::of(&about.robot.plan);
         let timed = about.room.timed(&way, &ability, &about.registry).map_err(|error| {
-            match drives.check_latest(self) {
-                Err(stopped) => stopped,
-                Ok(()) => error.to_string(),
+            let has_ended = matches!(error, RoomError::Plan(PlanError::Ended));
+            match (drives.check_latest(self), too_late(waiting)) {
+                (Err(stopped), _) => stopped,
+                (Ok(()), Some(late)) if has_ended => late.to_owned(),
+                _ => error.to_string(),
             }
         })?;
         // What was looked at has been sampled; the robot gets one that begins anew.
@@ -492,8 +518,11 @@ impl Drive {
             about.registry.make_reference(&timed.table, &ability).map_err(|error| error.to_string())?;
         // Nobody who stopped it finds another reference loaded, and nothing moves for somebody who has gone away.
         drives.check_latest(self)?;
-        if is_too_late(waiting) {
-            return Err("whoever asked for it waits no more".to_owned());
+        if !is_still(&live.snapshot(), snapshot) {
+            return Err(MEANWHILE.to_owned());
+        }
+        if let Some(late) = too_late(waiting) {
+            return Err(late.to_owned());
         }
         let (number, _) = live.load(self.asker, timed.table.clone(), fresh).ok_or(FULL)?;
         (self.before, self.number) = (snapshot.reference, number);
@@ -517,9 +546,12 @@ fn spread(about: &RobotInfo, snapshot: &Snapshot) -> f64 {
     spread_m(&snapshot.record.state, &about.robot.plan.guard.footprint_m)
 }
 
-/// Whoever asked waits no more, or perhaps no more.
-fn is_too_late(waiting: &Waiting) -> bool {
-    waiting.is_over() || waiting.is_longer_than(TOO_LATE)
+/// Why nothing begins for whoever asked, who waits no more, or perhaps no more.
+fn too_late(waiting: &Waiting) -> Option<&'static str> {
+    if waiting.is_over() {
+        return Some(GONE);
+    }
+    waiting.is_longer_than(TOO_LATE).then_some(BUSY)
 }
 
 /// What this thread has had of a processor.
@@ -540,6 +572,14 @@ fn new_obstacles(now: &Obstacles, planned: &Obstacles) -> Vec<Obstacle> {
         (None, _) => false,
     };
     now.iter().zip(planned).filter(is_new).filter_map(|(obstacle, _)| *obstacle).collect()
+}
+
+/// Whether a robot that a way is planned for does what it did then: it follows the same, or stands where it stood.
+fn is_still(now: &Snapshot, then: &Snapshot) -> bool {
+    let before = then.record.setpoint.odom_from_body;
+    now.phase == then.phase
+        && now.reference == then.reference
+        && (then.phase == Phase::Tracking || is_there(now, &before))
 }
 
 /// Whether it follows its reference, or is on the way onto it.

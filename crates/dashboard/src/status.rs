@@ -64,6 +64,8 @@ pub struct StatusMessage {
     pub reference_time_s: f64,
     /// It was begun and isn't at its end.
     pub reference_begun: bool,
+    /// Whether the reference, and the next one, is a way of `drive_to`, which alone begins it; nobody goes on with it.
+    pub of_drive_to: [bool; 2],
     /// The pose is known; else somebody has to set it before a path is followed.
     pub pose_known: bool,
     /// In how many s the robot moves again without a person, after a loss; nothing where it doesn't.
@@ -239,6 +241,7 @@ impl StatusMessage {
             goal: snapshot.goal.filter(|_| record.course == Course::Way).map(pose),
             reference_time_s: record.reference_time_s,
             reference_begun: record.reference_begun != 0,
+            of_drive_to: snapshot.is_looked_after,
             pose_known: record.state.pose_known,
             moves_again_in_s: extras.moves_again_in_s,
             teaching_since_s: None,

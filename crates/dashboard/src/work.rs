@@ -41,6 +41,12 @@ impl Waiting {
         Waiting { whom: Some(Arc::downgrade(whom)), since: Instant::now() }
     }
 
+    /// The same, since then.
+    #[cfg(test)]
+    pub(crate) fn since(whom: &Arc<()>, since: Instant) -> Self {
+        Waiting { since, ..Waiting::of(whom) }
+    }
+
     /// Nobody waits: what is done at once, or looks after itself.
     pub(crate) fn here() -> Self {
         Waiting { whom: None, since: Instant::now() }

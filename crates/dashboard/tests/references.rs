@@ -221,6 +221,19 @@ fn a_drive_that_the_robot_itself_refuses_leaves_it_on_the_one_before_or_where_it
             (&way["goal"][0], &way["under_way"], &way["failed"]),
             (&json!(2.0), &json!(true), &json!(false))
         );
+        // A pause ends it whatever the robot does meanwhile, and nobody goes on with it.
+        let mut ask = |call: &str| {
+            let stamp = page.hear("stamp")["stamp"].clone();
+            page.send(&json!({"number": 1, "do": call, "stamp": stamp}));
+            page.hear("answer")
+        };
+        assert_eq!(ask("pause")["done"], true);
+        let said = ask("resume");
+        assert!(said["text"].as_str().unwrap().contains("drive there again"), "{said}");
+        let begin = Instant::now();
+        while page.hear("drive_to")["drive_to"]["under_way"] != false {
+            assert!(begin.elapsed() < Duration::from_secs(60), "it is still looked after");
+        }
     });
     drop((dashboard, folder));
 }

@@ -301,12 +301,14 @@ function drawNumbers(seen) {
 
 /** How long the path still takes, and what became of the way to a pose. */
 function showLeft(seen) {
-  const left_s = planned?.duration_s && seen.reference_begun ? planned.duration_s - seen.reference_time_s : null;
+  // Of a way of drive_to that is over nothing is left: it is planned anew.
+  const isOver = seen.of_drive_to[0] && !seen.drive_to?.under_way;
+  const left_s = planned?.duration_s && seen.reference_begun && !isOver ? planned.duration_s - seen.reference_time_s : null;
   const left = left_s > 0.05 && (seen.course === "reference" || seen.course === "onto") ? `${left_s.toFixed(1)} s left` : "";
   const { limits = [], at = [] } = planned?.binds ?? {};
   const bound = limits[at[Math.round((at.length - 1) * seen.reference_time_s / planned?.duration_s)]]?.name;
   const now = left && bound ? `Bound by ${bound}` : "";
-  const next = seen.reference_next !== seen.reference ? "Another path waits: follow it" : "";
+  const next = seen.reference_next !== seen.reference && !seen.of_drive_to[1] ? "Another path waits: follow it" : "";
   const way = seen.drive_to ? `Way: ${seen.drive_to.text}` : "";
   const text = [left, now, next, way].filter(Boolean).join(". ");
   by("left").hidden = !text;

@@ -84,12 +84,18 @@ export class Shapes {
     this.choose(Math.min(chosen, corners.length - 1));
   }
 
-  async take() {
-    const { kind, corners, number } = this.edit;
-    if (corners.length < 3) return this.refuse(`a ${kind} has at least three corners`);
+  /** The walls that are drawn, with this one among them. */
+  drawn() {
+    const { number, corners } = this.edit;
     const walls = [...this.view.drawn];
     walls.splice(number ?? walls.length, 1, corners);
-    const said = await this.ask(kind === "fence" ? { do: "set_fence", corners_m: corners } : { do: "set_walls", polygons_m: walls });
+    return walls;
+  }
+
+  async take() {
+    const { kind, corners } = this.edit;
+    if (corners.length < 3) return this.refuse(`a ${kind} has at least three corners`);
+    const said = await this.ask(kind === "fence" ? { do: "set_fence", corners_m: corners } : { do: "set_walls", polygons_m: this.drawn() });
     if (said.done && this.edit?.corners === corners) this.close();
   }
 
@@ -102,9 +108,9 @@ export class Shapes {
   /** The lines of the robot's file that would change. */
   change() {
     const { kind, corners } = this.edit;
-    const walls = this.view.walls.map((wall) => words(rounded(wall)));
-    const blocked = (all) => (all.length ? [`blocked_m = [${all.join(", ")}]`] : []);
-    if (kind === "wall") return { table: "map", before: blocked(walls), after: blocked([...walls, words(corners)]) };
+    const blocked = (all) => (all.length ? [`blocked_m = [${all.map((wall) => words(rounded(wall))).join(", ")}]`] : []);
+    const { walls } = this.view;
+    if (kind === "wall") return { table: "map", before: blocked(walls), after: blocked([...walls, ...this.drawn()]) };
     const before = this.file.length ? [`polygon_m = ${words(rounded(this.file))}`] : [];
     return { table: "fence", before, after: [`polygon_m = ${words(corners)}`] };
   }

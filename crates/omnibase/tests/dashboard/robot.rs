@@ -6,7 +6,7 @@ use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 /// How the robot refuses what was asked too long ago, on its way or while it waited for the cycle.
-const TOO_OLD: [&str; 2] = ["s ago, and counts for", "whoever asked for it waits no more"];
+const TOO_OLD: [&str; 2] = ["s ago, and counts for", "too busy to plan it in time"];
 
 /// Whether it refused something for that.
 pub fn is_too_old(said: &str) -> bool {

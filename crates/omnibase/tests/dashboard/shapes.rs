@@ -10,6 +10,24 @@ use super::{HIT, browser, opened, until};
 
 const FENCE: &str = "fence.rectangle_m=[-1.2, -1.2, 1.6, 1.2]";
 
+/// Sizes of usual windows.
+const WINDOWS: [(u32, u32); 7] =
+    [(1920, 1080), (1600, 900), (1440, 900), (1366, 768), (1280, 720), (1024, 768), (360, 740)];
+
+/// Buttons above the view that can't be clicked somewhere, or lie below the legend.
+const COVERED: &str = "(() => {
+    const legend = [...document.querySelectorAll('.legend > :not([hidden])')];
+    const lies = (one, other) => one.left < other.right && other.left < one.right && one.top < other.bottom && other.top < one.bottom;
+    return [...document.querySelectorAll('.tools button')].filter((button) => {
+        button.scrollIntoView({ block: 'center', behavior: 'instant' });
+        const box = button.getBoundingClientRect();
+        const parts = [0.1, 0.3, 0.5, 0.7, 0.9];
+        const isBelow = legend.some((key) => key.getBoundingClientRect().width > 0 && lies(key.getBoundingClientRect(), box));
+        return isBelow || parts.some((x) => parts.some((y) =>
+            document.elementFromPoint(box.left + x * box.width, box.top + y * box.height) !== button));
+    }).map((button) => button.id);
+})()";
+
 /// Writes a number into a field of the bar, as by the keyboard.
 fn write(page: &mut Browser, field: &str, value: f64) {
     page.value(&format!(
@@ -139,6 +157,15 @@ fn a_wall_is_drawn_changed_and_removed(page: &mut Browser, robot: &Robot, screen
     page.wait("document.getElementById('shape-bar').hidden");
     let walls = |robot: &Robot| robot.read("map")["walls_m"].clone();
     robot.wait("the wall is drawn", |robot| walls(robot)[0].as_array().is_some_and(|wall| wall.len() == 3));
+    // A second one is saved with the file's and the first.
+    page.click("#wall");
+    for corner in [[-1.0, -1.0], [-0.6, -1.0], [-0.6, -0.6]] {
+        screen.click(page, corner);
+    }
+    page.wait("document.getElementById('shape-bar').elements.corner.length === 3");
+    let line = page.value("document.querySelector('#shape-bar .more').textContent");
+    assert_eq!(line.as_str().unwrap().matches("[[").count(), 3, "{line}");
+    page.click("#shape-bar [name=close]");
     until(page, "the wall is chosen", |page| {
         screen.click(page, [1.2, -0.9]);
         page.is_true_within("!document.getElementById('shape-bar').hidden", HIT)
@@ -167,6 +194,13 @@ fn a_way_shows_its_speed(page: &mut Browser, robot: &Robot) {
     page.picture("way");
     what_is_left_and_what_binds_is_told(page, robot);
     it_grows_shrinks_and_moves_by_hand(page);
+    // It is there: the way isn't begun again, but planned.
+    page.wait("document.querySelector('[data-do=track]').disabled && document.getElementById('drive-to').classList.contains('go')");
+    for (width, height) in WINDOWS {
+        page.resize(width, height);
+        let covered = page.value(COVERED);
+        assert_eq!(covered, json!([]), "at {width} px these lie below something else");
+    }
     page.resize(320, 640);
     page.middle("#view");
     page.picture("way-320");

@@ -9,7 +9,8 @@ use super::robot::Robot;
 const WALL: &str = "map.blocked_m=[[[1.3,-4.0],[1.5,-4.0],[1.5,0.4],[1.3,0.4]]]";
 
 /// What is said where a busy machine gave the search too little of its time, and while it still has to do with the one before.
-const NO_TIME: [&str; 2] = ["in the time that was given for it", "ask again when they are done"];
+const NO_TIME: [&str; 3] =
+    ["in the time that was given for it", "too busy to plan it in time", "ask again when they are done"];
 
 /// The search gives way to every other program: with many beside it a way takes minutes.
 const PLANNED: Duration = Duration::from_secs(600);
@@ -72,11 +73,11 @@ fn a_robot_drives_around_walls_and_around_what_comes_and_says_why_it_gives_up() 
         drive(&robot, [0.0, 0.0, 0.0]);
         wait(&robot, "it moves", |robot| robot.value("state/pose_x_m") < 2.75);
         put(&robot, [1.4, 1.0], 0.2);
-        let has_planned = || way(&robot)["text"].as_str().unwrap().contains("planned again 1 times");
+        let has_planned = || way(&robot)["text"].as_str().unwrap().contains("planned again once");
         wait(&robot, "it is planned again, or over", |_| has_planned() || way(&robot)["under_way"] == false);
         let has_planned = has_planned();
         let how = ended(&robot)["text"].as_str().unwrap().to_owned();
-        let had_no_time = how.contains(NO_TIME[0]);
+        let had_no_time = how.contains(NO_TIME[0]) || how.contains(NO_TIME[1]);
         assert!(how == "there" || had_no_time, "{how}; {}", robot.read("events"));
         let has_planned = has_planned && !had_no_time;
         if !has_planned {
@@ -148,4 +149,25 @@ fn a_drive_that_is_refused_begins_nothing_and_ends_nothing() {
     assert_eq!(ended(&robot)["text"], "there");
     let x_m = robot.value("setpoint/pose_x_m");
     assert!((x_m - 4.0).abs() < 0.01, "{x_m} m");
+    // Whoever pauses it ends it at once, and what was planned then is gone on with by nobody.
+    set(0.15);
+    drive(&robot, [1.0, 0.0, 0.0]);
+    robot.wait("it is on its way", |robot| robot.speed_m_s() > 0.01);
+    assert_eq!(robot.call(&json!({ "do": "pause" })).1["done"], true);
+    assert_eq!(
+        (&way(&robot)["under_way"], &way(&robot)["failed"]),
+        (&json!(false), &json!(true)),
+        "{}",
+        way(&robot)
+    );
+    for _ in 0..2 {
+        for call in ["resume", "track"] {
+            let said = robot.call(&json!({ "do": call })).1;
+            assert!(said["text"].as_str().unwrap().contains("drive there again"), "{call}: {said}");
+        }
+        robot.wait("it holds", |robot| robot.read("now")["phase"] == "holding");
+    }
+    set(1.0);
+    drive(&robot, [1.0, 0.0, 0.0]);
+    assert_eq!(ended(&robot)["text"], "there");
 }

@@ -73,7 +73,7 @@ pub fn live(ages: Ages, emergency: StopCategory, sources: &[SourcePlan]) -> (Liv
     let (source_lines, source_ends) = source_lines(sources);
     let (cycle_line, cycle_end) = cycles();
     let shared = Shared {
-        commands: Mutex::new(Sending { commands, stops: 0, ended: [0; MAX_SESSIONS] }),
+        commands: Mutex::new(Sending { commands, stops: 0, ended: [0; MAX_SESSIONS + 1] }),
         clock_ns: clock_ns.clone(),
         seen: Mutex::new(FromCycle {
             output,
@@ -131,14 +131,14 @@ pub struct Live {
 /// Whom a command comes from, and when it was asked.
 ///
 /// Whoever computes between hearing and sending takes it at hearing: what begins a motion is then refused where a stop
-/// came between, or the end of the session.
+/// or a pause came between, or the end of the session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Asker {
     /// Who.
     pub client: Client,
     /// When.
     pub stamp: Stamp,
-    /// Stops and ends of this session before it; `None`: it is sent as soon as it is asked.
+    /// Stops, pauses and ends of this session before it; `None`: it is sent as soon as it is asked.
     ends: Option<u64>,
 }
 
@@ -160,17 +160,24 @@ impl Asker {
 struct Sending {
     commands: Producer<Command>,
     stops: u64,
-    ended: [u64; MAX_SESSIONS],
+    /// Of each session, and of the command line.
+    ended: [u64; MAX_SESSIONS + 1],
 }
 
 impl Sending {
     /// Everything so far that ends what this client asked before it.
     fn ends(&self, client: Client) -> u64 {
-        let ended = match client {
-            Client::Page(number) => self.ended.get(usize::from(number)).copied(),
-            Client::Joystick | Client::Command => None,
-        };
-        self.stops + ended.unwrap_or(0)
+        let ended = place(client).and_then(|place| self.ended.get(place));
+        self.stops + ended.copied().unwrap_or(0)
+    }
+}
+
+/// Where it is counted what a client ended.
+fn place(client: Client) -> Option<usize> {
+    match client {
+        Client::Page(number) => Some(usize::from(number)),
+        Client::Command => Some(MAX_SESSIONS),
+        Client::Joystick => None,
     }
 }
 
@@ -275,10 +282,10 @@ impl Live {
         }
         match &ask {
             Ask::EmergencyStop | Ask::PagesLost | Ask::Robot(RequestKind::Stop(_)) => sending.stops += 1,
+            // What looks after a way pauses it to plan another one.
+            Ask::Robot(RequestKind::Pause) if stamp != Stamp::OnBehalf => sending.stops += 1,
             Ask::Gone | Ask::EndMotion => {
-                if let Client::Page(number) = client
-                    && let Some(ended) = sending.ended.get_mut(usize::from(number))
-                {
+                if let Some(ended) = place(client).and_then(|place| sending.ended.get_mut(place)) {
                     *ended += 1;
                 }
             }

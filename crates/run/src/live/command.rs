@@ -155,8 +155,10 @@ pub enum Refusal {
     NotAStick,
     /// The run follows its plan, and nobody leads it.
     Planned,
-    /// A stop came first, or whoever asked is gone.
+    /// A stop or a pause came first, or whoever asked is gone.
     Stopped,
+    /// It is a way that was planned for what was in the way then.
+    LookedAfter,
     /// There is no stick that could be enabled.
     NoStick,
     /// It was asked too long ago.
@@ -237,7 +239,10 @@ impl Answer {
                 "refused: this run follows its plan to the end; it can be stopped, and its settings and obstacles changed"
             }
             Answer::Refused(Refusal::NotAStick) => "refused: a velocity comes from a stick",
-            Answer::Refused(Refusal::Stopped) => "refused: a stop came first",
+            Answer::Refused(Refusal::Stopped) => "refused: a stop or a pause came first",
+            Answer::Refused(Refusal::LookedAfter) => {
+                "refused: this way was planned for what was in the way then: drive there again (drive_to)"
+            }
             Answer::Refused(Refusal::NoStick) => "refused: the stick isn't there, so it can't be enabled",
             Answer::Refused(Refusal::TooOld { .. }) => "refused: it was asked too long ago",
             Answer::Refused(Refusal::Unstamped) => {

@@ -4,6 +4,7 @@
 //! clock, queue or allocation: the same commands at the same cycles give the same requests.
 
 mod authors;
+mod looked_after;
 mod sticks;
 mod stops;
 
@@ -66,6 +67,7 @@ struct Waiting {
     /// In which cycle it comes too late.
     valid_until_ns: u64,
     reference: Option<(u32, Box<dyn Reference>)>,
+    is_on_behalf: bool,
 }
 
 /// Answers that wait to be read.
@@ -100,6 +102,8 @@ pub struct Operator {
     /// Whose motion a loss may end, or ended, and how far the way back from it is.
     comeback: Option<(Client, Conductor)>,
     authors: Authors,
+    /// References that were loaded on somebody's behalf, of those that are followed or begun next, and the last one; 0: none.
+    looked_after: [u32; 3],
     answers: Vec<(u64, Answer)>,
     notes: Vec<Note>,
     /// References that won't be offered; dropping them is not the cycle's work.
@@ -128,6 +132,7 @@ impl Operator {
             comeback_plan: None,
             comeback: None,
             authors: Authors::default(),
+            looked_after: [0; 3],
             answers: Vec::with_capacity(MOST_ANSWERS),
             notes: Vec::with_capacity(MOST_NOTES),
             discarded: Vec::with_capacity(MOST_WAITING),
@@ -221,6 +226,7 @@ impl Operator {
     /// Takes in a command, at the time of the coming cycle.
     pub fn hear(&mut self, now_ns: u64, command: Command) {
         let Command { client, ticket, ask, stamp } = command;
+        let is_on_behalf = stamp == Stamp::OnBehalf;
         if !matches!(ask, Ask::Begun | Ask::Gone) {
             self.hear_page(now_ns, client, stamp);
         }
@@ -233,11 +239,7 @@ impl Operator {
                 return self.answer(ticket, Answer::Refused(refusal));
             }
         };
-        if stamp == Stamp::OnBehalf
-            && matches!(ask, Ask::Robot(_))
-            && begins_or_allows(&ask)
-            && !self.is_there(client)
-        {
+        if is_on_behalf && matches!(ask, Ask::Robot(_)) && begins_or_allows(&ask) && !self.is_there(client) {
             return self.answer(ticket, Answer::Refused(Refusal::Stopped));
         }
         if self.is_beside_plan && is_of_a_leader(&ask) {
@@ -288,12 +290,13 @@ impl Operator {
             Ask::Robot(kind) => {
                 let valid_until_ns =
                     if begins(&kind) { asked_ns.saturating_add(BEGINNING_AGE_NS) } else { u64::MAX };
-                self.ask(Waiting { client, ticket, kind, valid_until_ns, reference: None });
+                self.ask(Waiting { client, ticket, kind, valid_until_ns, reference: None, is_on_behalf });
             }
             Ask::Load { number, reference } => {
                 let kind = RequestKind::UseReference { number };
                 let reference = Some((number, reference));
-                self.ask(Waiting { client, ticket, kind, valid_until_ns: u64::MAX, reference });
+                let valid_until_ns = u64::MAX;
+                self.ask(Waiting { client, ticket, kind, valid_until_ns, reference, is_on_behalf });
             }
         }
     }
@@ -322,7 +325,7 @@ impl Operator {
                 return turn;
             }
         }
-        let turn = self.next_waiting();
+        let turn = self.next_waiting(last);
         match turn.request {
             Some(request) if leads(&request.kind) => self.comeback = None,
             Some(_) => self.comeback.iter_mut().for_each(|(_, conductor)| conductor.watch(last, phase)),
@@ -336,6 +339,7 @@ impl Operator {
         let plan = self.comeback_plan?;
         if let (Commander::Reference(client @ Client::Page(_)), Phase::Tracking) = (self.commander, phase)
             && !self.is_on_way
+            && !self.is_looked_after(last)[0]
         {
             // A page is somebody living; what a command began nobody may stand beside.
             let (_, conductor) = self.comeback.get_or_insert_with(|| (client, Conductor::following(plan)));
@@ -427,14 +431,16 @@ impl Operator {
         Some(self.send(client, 0, RequestKind::Velocity { twist, frame }, valid_until_ns))
     }
 
-    fn next_waiting(&mut self) -> Turn {
+    fn next_waiting(&mut self, last: &CycleRecord) -> Turn {
         while let Some(waiting) = self.waiting.pop_front() {
             let kind = waiting.kind;
             let refusal = match self.commander {
                 _ if begins(&kind) && self.is_emergency => Refusal::EmergencyStop,
                 Commander::Stick(_) if begins_motion(&kind) => Refusal::Commanded,
                 Commander::Reference(leader) if leader != waiting.client && redirects(&kind) => Refusal::Led,
+                _ if self.is_anothers_to_begin(&waiting, last) => Refusal::LookedAfter,
                 _ => {
+                    self.look_after(&waiting, last);
                     let turn = self.send(waiting.client, waiting.ticket, kind, waiting.valid_until_ns);
                     return Turn { offer: waiting.reference, ..turn };
                 }

@@ -34,6 +34,8 @@ pub struct Snapshot {
     pub fence: FenceSeen,
     /// The number of the reference that is followed; 0 for the robot file's own.
     pub reference: u32,
+    /// Whether that one, and the one that is begun next, was planned for what was in the way then: who looks after it alone begins it.
+    pub is_looked_after: [bool; 2],
     /// Where that began when it was last started.
     pub reference_start: Option<Setpoint>,
     /// Where it was told to go last.
@@ -90,6 +92,7 @@ impl Default for Snapshot {
             obstacles: Default::default(),
             fence: FenceSeen::default(),
             reference: 0,
+            is_looked_after: [false; 2],
             reference_start: None,
             goal: None,
             timing: TimingSeen::default(),

@@ -283,6 +283,26 @@ fn a_person_who_does_anything_about_motion_meanwhile_comes_first() {
     assert_eq!(bench.asked(6000), []);
 }
 
+/// What was in the way when it was planned isn't what is there now.
+#[test]
+fn a_way_that_is_looked_after_is_never_gone_on_with_by_itself() {
+    let table: ReferenceTable = toml::from_str(
+        "kind = \"path\"\nframe = \"start\"\npoints = [[0.0, 0.0, 0.0, 0.0], [4.0, 0.5, 0.0, 0.0]]",
+    )
+    .unwrap();
+    for (stamp, asked) in [(Stamp::OnBehalf, &[][..]), (Stamp::Here, &BACK[..])] {
+        let page = Client::Page(3);
+        let mut bench = Bench::following(page, Some(10_000 * MS));
+        let ask = Ask::Load { number: 5, reference: crate::hands::reference(&table) };
+        bench.operator.hear(bench.record.time.now_ns, Command { client: page, ticket: 0, ask, stamp });
+        assert_eq!(bench.cycle(), Some(RequestKind::UseReference { number: 5 }));
+        (bench.record.reference, bench.record.reference_next) = (5, 5);
+        bench.asked_alive(10);
+        bench.lose();
+        assert_eq!(bench.asked_alive(9000), asked, "{stamp:?}");
+    }
+}
+
 #[test]
 fn a_path_that_a_pulled_cable_ended_is_gone_to_its_end_once_a_person_resumes() {
     for person_resumes in [true, false] {

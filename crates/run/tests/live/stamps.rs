@@ -6,8 +6,9 @@ use std::rc::Rc;
 
 use omnibase_platform::{Pose2, Twist2};
 use omnibase_robot::RequestKind;
+use omnibase_robot::config::ReferenceTable;
 use omnibase_robot::signals::{Frame, Phase, RequestAnswer, StopCategory};
-use omnibase_run::live::{Answer, Ask, Client, Refusal, Stamp, StickWish};
+use omnibase_run::live::{Answer, Ask, Client, Live, Refusal, Stamp, StickWish};
 
 use crate::hands::{Hands, Played, played};
 
@@ -221,21 +222,65 @@ fn what_the_robot_asks_on_behalf_of_a_page_that_is_gone_begins_nothing() {
 
 #[test]
 fn what_was_asked_before_a_stop_and_sent_after_it_begins_nothing() {
-    let answer = Rc::new(RefCell::new(None));
-    let seen = answer.clone();
-    let played = played(4.0, |hands| {
-        hands.send(0.3, Client::Command, robot(RequestKind::Enable));
-        hands.at(1.5, move |live, at| {
-            // Computing it took until somebody stopped.
-            let asker = live.asker(PAGE, Stamp::Told(at.record.time.now_ns));
-            live.send(Client::Page(1), robot(RequestKind::Stop(StopCategory::RampAndHold))).unwrap();
-            let ticket = live.send(asker, go_to()).unwrap();
-            *seen.borrow_mut() = live.answer(ticket);
-            // As whoever asks after the stop may.
-            assert!(live.send(asker, Ask::Stick(StickWish::Released)).is_some());
+    for (stop, by, is_stopped) in [
+        (RequestKind::Stop(StopCategory::RampAndHold), Stamp::Missing, true),
+        (RequestKind::Pause, Stamp::Missing, true),
+        // By what looks after a way, to plan another one.
+        (RequestKind::Pause, Stamp::OnBehalf, false),
+    ] {
+        let answer = Rc::new(RefCell::new(None));
+        let seen = answer.clone();
+        let played = played(4.0, |hands| {
+            hands.send(0.3, Client::Command, robot(RequestKind::Enable));
+            hands.at(1.5, move |live, at| {
+                // Computing it took until somebody stopped.
+                let asker = live.asker(PAGE, Stamp::Told(at.record.time.now_ns));
+                live.send(live.asker(Client::Page(1), by), robot(stop)).unwrap();
+                let ticket = live.send(asker, go_to()).unwrap();
+                *seen.borrow_mut() = live.answer(ticket);
+                // As whoever asks after the stop may.
+                assert!(live.send(asker, Ask::Stick(StickWish::Released)).is_some());
+            });
+            hands.alive(0.5, 4.0, PAGE);
         });
-        hands.alive(0.5, 4.0, PAGE);
+        assert_eq!(*answer.borrow(), is_stopped.then_some(Answer::Refused(Refusal::Stopped)), "{stop:?}");
+        assert_eq!(distance_m(&played) < 1e-3, is_stopped, "{stop:?}: {} m", distance_m(&played));
+    }
+}
+
+/// Whoever planned a way begins it; whoever pauses it, nobody goes on with it, until something else is loaded.
+#[test]
+fn a_way_that_is_looked_after_begins_and_goes_on_for_nobody_else() {
+    let load = |live: &Live, stamp: Stamp, y_m: f64| {
+        let points = format!("points = [[0.0, 0.0, 0.0, 0.0], [4.0, 1.0, {y_m}, 0.0]]");
+        let table: ReferenceTable =
+            toml::from_str(&format!("kind = \"path\"\nframe = \"start\"\n{points}")).unwrap();
+        let path = crate::hands::reference(&table);
+        live.load(live.asker(PAGE, stamp), table, path).unwrap();
+    };
+    let taken = Answer::Robot(RequestAnswer::Taken);
+    let refused = Answer::Refused(Refusal::LookedAfter);
+    let played = played(12.0, |hands| {
+        hands.alive(0.2, 12.0, PAGE);
+        hands.at(0.2, |live, _| _ = live.begin_session().unwrap());
+        hands.send(0.3, Client::Command, robot(RequestKind::Enable));
+        hands.at(1.5, move |live, _| load(live, Stamp::OnBehalf, 0.0));
+        hands.ask(1.6, PAGE, robot(RequestKind::Track), refused);
+        hands.at(1.8, |live, seen| {
+            assert_eq!((seen.is_looked_after, seen.phase), ([true; 2], Phase::Holding));
+            live.send(live.asker(PAGE, Stamp::OnBehalf), robot(RequestKind::Track)).unwrap();
+        });
+        hands.at(3.0, |_, seen| assert_eq!(seen.phase, Phase::Tracking));
+        hands.ask(3.1, PAGE, robot(RequestKind::Pause), taken);
+        // While it slows down, and once it stands.
+        hands.ask(3.2, PAGE, robot(RequestKind::Resume), refused);
+        hands.ask(5.0, PAGE, robot(RequestKind::Resume), refused);
+        hands.at(5.2, |_, seen| assert_eq!(seen.phase, Phase::Holding));
+        hands.at(5.3, move |live, _| load(live, Stamp::Here, 0.0));
+        hands.at(5.4, |_, seen| assert_eq!(seen.is_looked_after, [false; 2]));
+        hands.ask(5.5, PAGE, robot(RequestKind::Track), taken);
+        hands.ask(6.5, PAGE, robot(RequestKind::Pause), taken);
+        hands.ask(8.0, PAGE, robot(RequestKind::Resume), taken);
     });
-    assert_eq!(*answer.borrow(), Some(Answer::Refused(Refusal::Stopped)));
-    assert!(distance_m(&played) < 1e-3, "{} m", distance_m(&played));
+    assert!(distance_m(&played) > 1.1, "{} m", distance_m(&played));
 }

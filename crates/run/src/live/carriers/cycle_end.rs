@@ -149,6 +149,7 @@ impl LiveEnd {
         }
         *self.snapshot.input_buffer_mut() = Snapshot {
             reference: self.reference,
+            is_looked_after: self.operator.is_looked_after(record),
             reference_start: self.reference_start,
             goal: self.goal,
             ..*snapshot
