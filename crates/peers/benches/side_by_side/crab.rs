@@ -62,7 +62,7 @@ fn drive_here(port: Port, mark: Mark, course: Course) {
 async fn sized(maindevice: &MainDevice<'_>, mark: Mark, course: Course) {
     match course.drives {
         ..=8 => run::<8, 1024>(maindevice, mark, course).await,
-        ..=32 => run::<32, 2048>(maindevice, mark, course).await,
+        9..=32 => run::<32, 2048>(maindevice, mark, course).await,
         _ => run::<128, 8192>(maindevice, mark, course).await,
     }
 }
