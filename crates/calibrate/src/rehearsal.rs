@@ -68,6 +68,18 @@ impl Default for PoseSensor {
 impl PoseSensor {
     /// What it sends of a platform that was here at these instants, s.
     pub fn poses(&self, truth: &[(f64, Pose2)], random: &mut Random) -> Vec<PoseSample> {
+        let mut poses = self.true_poses(truth);
+        for PoseSample { instant_s, world_from_sensor: seen, .. } in &mut poses {
+            *instant_s += self.mount.delay_s;
+            seen.x_m += self.sigma_m * random.normal();
+            seen.y_m += self.sigma_m * random.normal();
+            seen.heading_rad += self.sigma_rad * random.normal();
+        }
+        poses
+    }
+
+    /// Where it truly is at the instants of which it sends, s: without noise, and not late.
+    pub fn true_poses(&self, truth: &[(f64, Pose2)]) -> Vec<PoseSample> {
         let mut due_s = f64::NEG_INFINITY;
         let mut poses = Vec::new();
         for (instant_s, world_from_base) in truth {
@@ -76,14 +88,9 @@ impl PoseSensor {
             }
             // A little early, for instants on a grid are off by rounding.
             due_s = instant_s + self.every_s - 1e-6;
-            let seen = world_from_base.then(self.mount.base_from_sensor);
             poses.push(PoseSample {
-                instant_s: instant_s + self.mount.delay_s,
-                world_from_sensor: Pose2 {
-                    x_m: seen.x_m + self.sigma_m * random.normal(),
-                    y_m: seen.y_m + self.sigma_m * random.normal(),
-                    heading_rad: seen.heading_rad + self.sigma_rad * random.normal(),
-                },
+                instant_s: *instant_s,
+                world_from_sensor: world_from_base.then(self.mount.base_from_sensor),
                 sigma_m: self.sigma_m,
                 sigma_rad: self.sigma_rad,
             });

@@ -8,7 +8,9 @@ use crate::commands::{
 };
 use crate::progress::LogLevel;
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use omnibase_measure::measured::FloorPose;
 use omnibase_robot::Registry;
+use std::ffi::OsString;
 
 /// Real-time control of omnidirectional robots over EtherCAT.
 ///
@@ -92,9 +94,27 @@ impl Cli {
     /// The program's own; ends the program where it is wrong or asks for help.
     pub fn read(registry: &Registry) -> Self {
         let mut command = Cli::command_with(registry);
-        let matches = command.get_matches_mut();
+        let matches = command
+            .try_get_matches_from_mut(joined(std::env::args_os()))
+            .unwrap_or_else(|error| error.exit());
         Cli::from_matches(&matches).unwrap_or_else(|error| error.format(&mut command).exit())
     }
+}
+
+/// `--measured POSE` as `--measured=POSE`: its value may be left out, and what follows is one where it is a pose, be it negative.
+pub fn joined(words: impl Iterator<Item = OsString>) -> Vec<OsString> {
+    let mut all: Vec<OsString> = Vec::new();
+    for word in words {
+        let is_pose = word.to_str().is_some_and(|word| word.parse::<FloorPose>().is_ok());
+        match all.last_mut() {
+            Some(last) if is_pose && *last == "--measured" => {
+                last.push("=");
+                last.push(word);
+            }
+            _ => all.push(word),
+        }
+    }
+    all
 }
 
 #[cfg(test)]

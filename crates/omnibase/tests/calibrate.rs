@@ -1,7 +1,9 @@
 //! `omnibase calibrate` as a user runs it.
 
-use crate::command_line::{Folder, omnibase, words};
+use crate::command_line::{Folder, omnibase, root, words};
 use serde_json::Value;
+use std::io::Write;
+use std::process::{Command, Stdio};
 
 const BMM: &str = "robots/bmm.toml";
 
@@ -209,6 +211,29 @@ fn figures_are_driven_as_runs_with_recordings_and_references_that_stay() {
     assert_eq!(wrong.status.code(), Some(2), "{why}");
 }
 
+/// An empty answer is asked again, and what was measured is told even where nobody answers any more.
+#[test]
+fn a_tape_is_asked_for_until_it_is_told_and_no_measure_is_lost() {
+    let folder = Folder::new("calibrate-tape");
+    let kept = folder.path("kept");
+    let mut robot = Command::new(env!("CARGO_BIN_EXE_omnibase"))
+        .current_dir(root())
+        .args(["calibrate", BMM, "--side", "0.5", "--drive", "--recordings", &kept])
+        .stdin(Stdio::piped())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let answers = b"\n0 0 0\n\n0.5 0.001 0.1deg\n";
+    robot.stdin.take().unwrap().write_all(answers).unwrap();
+    let output = robot.wait_with_output().unwrap();
+    let said = words(&output.stderr);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    let line = "kept/1-out-1.mcap --tape \"0 0 0\" --tape \"0.5 0.001 0.001745";
+    assert_eq!(said.matches(line).count(), 2, "once measured, and with the reason why it ends: {said}");
+    assert!(said.contains("nobody says where it stands"), "{said}");
+}
+
 #[test]
 fn mistakes_are_told_with_what_was_expected() {
     let folder = Folder::new("calibrate-wrong");
@@ -245,6 +270,31 @@ fn mistakes_are_told_with_what_was_expected() {
         assert!(said.contains(why), "{more:?}: {said}");
         assert_eq!(output.status.code(), Some(code), "{more:?}: {said}");
     }
+    // What can be known before a wheel turns is told before.
+    let kept = folder.path("kept");
+    std::fs::write(folder.path("there.toml"), "").unwrap();
+    let there = folder.path("there.toml");
+    let line = ["calibrate", BMM, "--figure", "line", "--side", "0.5", "--drive", "--recordings", &kept];
+    for (more, why) in [
+        (["--truth", "source:mocap"], "`mocap`: expected a `[[source]]`"),
+        (["--gyro", "imu.turn"], "`imu.turn`: expected an input"),
+        (["--write", &there], "is there already"),
+    ] {
+        let output = omnibase(&[&line[..], &more].concat());
+        let said = words(&output.stderr);
+        assert!(output.status.code() == Some(1) && said.contains(why), "{more:?}: {said}");
+        assert!(!std::path::Path::new(&kept).exists(), "{more:?}: it was driven");
+    }
+    let shown = omnibase(&["calibrate", BMM, "--truth", "source:mocap", "--show"]);
+    assert!(words(&shown.stderr).contains("--drive needs another robot file: `mocap`"), "{shown:?}");
+    // Nobody measured: the reason is said, whether something is written or not.
+    let tape = ["--tape", "0 0 0", "--tape", "2 1 1"];
+    let unsound = omnibase(&[&from[..], &tape].concat());
+    let said = words(&unsound.stderr);
+    assert!(
+        unsound.status.code() == Some(1) && said.contains("the runs don't fit what was said of them"),
+        "{said}"
+    );
     let other = omnibase(&["calibrate", "robots/mecanum.toml", "--from", &run, "--truth", "simulator"]);
     assert!(words(&other.stderr).contains("it is of a robot with 3 wheels, expected 4"), "{other:?}");
     let figure = omnibase(&["calibrate", BMM, "--truth", "simulator", "--figure", "circle"]);

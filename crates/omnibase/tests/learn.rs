@@ -4,6 +4,7 @@ use crate::command_line::{Folder, omnibase, words};
 use serde_json::Value;
 
 const TRACKED: &str = "robots/bmm_tracked.toml";
+const SAME: &str = "estimator.task_frame=odom";
 const CIRCLE: [&str; 2] = ["--circle", "radius_m=0.4,duration_s=7"];
 
 fn said(arguments: &[&str]) -> String {
@@ -45,6 +46,19 @@ fn what_is_learnt_drives_truer_and_is_for_its_motion_alone() {
     let html = std::fs::read_to_string(&page).unwrap();
     let shown = format!("{:.3} mm", true_mm(&recorded));
     assert!(html.contains(&shown), "{shown} isn't on the page");
+    // Of another motion that takes as long, or of another robot, it helps nobody.
+    let run_of = |radius: &str, name: &str| {
+        let circle = format!("radius_m={radius},duration_s=7");
+        let set = ["--set", name, "--correction", &learnt];
+        let output = omnibase(&[&["run", TRACKED, "--circle", &circle][..], &wrong, &set].concat());
+        words(&output.stderr)
+    };
+    for (radius, name, is_own) in
+        [("0.4", SAME, true), ("0.3", SAME, false), ("0.4", "name=\"other\"", false)]
+    {
+        let said = run_of(radius, name);
+        assert_eq!(said.contains("was learnt for"), !is_own, "{radius}, {name}: {said}");
+    }
     // What is there isn't written over.
     let again = refused(&[&["learn"][..], &motion, &["--write", &learnt]].concat());
     assert!(again.contains("is there already: give --overwrite"), "{again}");

@@ -47,6 +47,8 @@ pub enum PosesFrom {
     },
     /// The simulator's truth, as such a sensor would have seen it.
     Simulator(PoseSensor),
+    /// The simulator's truth itself, of where such a sensor is.
+    Truth(PoseSensor),
 }
 
 /// Whose turn.
@@ -137,6 +139,7 @@ pub fn run_of(
     match &witnesses.poses {
         Some(PosesFrom::Source { name, sigma }) => run.poses = reader.poses(name, *sigma)?,
         Some(PosesFrom::Simulator(sensor)) => run.poses = sensor.poses(&reader.truth()?, &mut random),
+        Some(PosesFrom::Truth(sensor)) => run.poses = sensor.true_poses(&reader.truth()?),
         None => {}
     }
     match &witnesses.gyro {
@@ -145,6 +148,46 @@ pub fn run_of(
         None => {}
     }
     Ok(run)
+}
+
+/// Whether a robot has the source and the input that are named.
+pub fn check_names(plan: &RobotPlan, witnesses: &Witnesses) -> Result<(), DatasetReadError> {
+    if let Some(PosesFrom::Source { name, .. }) = &witnesses.poses {
+        check_source(plan, name)?;
+    }
+    if let Some(GyroFrom::Input(name)) = &witnesses.gyro {
+        input_of(plan, name)?;
+    }
+    Ok(())
+}
+
+fn check_source(plan: &RobotPlan, name: &str) -> Result<(), DatasetReadError> {
+    let found = match plan.sources.iter().find(|source| source.name == name) {
+        Some(source) if source.carries == Carries::Pose => return Ok(()),
+        Some(_) => "one that carries something else".to_owned(),
+        None => listed(plan.sources.iter().map(|source| source.name.clone()), "no source"),
+    };
+    Err(DatasetReadError::NotPoses { name: name.to_owned(), found })
+}
+
+/// An input by its name: whose it is, its own name and unit, and whether it is sent.
+fn input_of<'p>(
+    plan: &'p RobotPlan,
+    input: &str,
+) -> Result<(&'p str, &'p str, &'p str, bool), DatasetReadError> {
+    let sent = plan.sources.iter().flat_map(|source| {
+        source.input.iter().map(|sent| (source.name.as_str(), sent.name.as_str(), sent.unit.as_str(), true))
+    });
+    let read = plan.devices.iter().flat_map(|device| {
+        let inputs = device.input.iter();
+        inputs.map(|input| (device.name.as_str(), input.name.as_str(), input.unit.as_str(), false))
+    });
+    let all: Vec<(&str, &str, &str, bool)> = sent.chain(read).collect();
+    let found = all.iter().find(|(owner, name, ..)| format!("{owner}.{name}") == input);
+    found.copied().ok_or_else(|| {
+        let names = all.iter().map(|(owner, name, ..)| format!("{owner}.{name}"));
+        DatasetReadError::NoInput { name: input.to_owned(), found: listed(names, "none") }
+    })
 }
 
 struct Reader<'a> {
@@ -230,14 +273,7 @@ impl<'a> Reader<'a> {
     }
 
     fn poses(&self, name: &str, sigma: [f64; 2]) -> Result<Vec<PoseSample>, DatasetReadError> {
-        let source = self.plan.sources.iter().find(|source| source.name == name);
-        if source.is_none_or(|source| source.carries != Carries::Pose) {
-            let found = match source {
-                Some(_) => "one that carries something else".to_owned(),
-                None => listed(self.plan.sources.iter().map(|source| source.name.clone()), "no source"),
-            };
-            return Err(DatasetReadError::NotPoses { name: name.to_owned(), found });
-        }
+        check_source(self.plan, name)?;
         let topic = format!("/{name}");
         let of = |signal: &str| self.column(&topic, signal, "a pose consists of it");
         let (x, y, heading) = (of("x_m")?, of("y_m")?, of("heading_rad")?);
@@ -266,26 +302,11 @@ impl<'a> Reader<'a> {
     }
 
     fn turns(&self, input: &str) -> Result<Vec<TurnSample>, DatasetReadError> {
-        let sent = self.plan.sources.iter().flat_map(|source| {
-            source
-                .input
-                .iter()
-                .map(|sent| (source.name.as_str(), sent.name.as_str(), sent.unit.as_str(), true))
-        });
-        let read = self.plan.devices.iter().flat_map(|device| {
-            let inputs = device.input.iter();
-            inputs.map(|input| (device.name.as_str(), input.name.as_str(), input.unit.as_str(), false))
-        });
-        let all: Vec<(&str, &str, &str, bool)> = sent.chain(read).collect();
-        let found = all.iter().find(|(owner, name, ..)| format!("{owner}.{name}") == input);
-        let Some((owner, name, unit, is_sent)) = found else {
-            let names = all.iter().map(|(owner, name, ..)| format!("{owner}.{name}"));
-            return Err(DatasetReadError::NoInput { name: input.to_owned(), found: listed(names, "none") });
-        };
+        let (owner, name, unit, is_sent) = input_of(self.plan, input)?;
         let rates =
             self.column(&format!("/{owner}"), &column_name(name, unit), "it is what the gyro measures")?;
         let rows: Vec<(usize, f64)> =
-            if *is_sent { self.heard(owner)? } else { self.instants_s()?.into_iter().enumerate().collect() };
+            if is_sent { self.heard(owner)? } else { self.instants_s()?.into_iter().enumerate().collect() };
         let turn = |(row, instant_s): (usize, f64)| {
             rates[row].is_finite().then_some(TurnSample { instant_s, rate_rad_s: rates[row] })
         };

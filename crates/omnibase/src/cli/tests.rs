@@ -64,8 +64,9 @@ fn every_command_line_in_the_documents_is_one_that_the_program_takes() {
             }
             let arguments = std::iter::once("omnibase".to_owned()).chain(words(&line));
             let command = Cli::command_with(&Registry::with_built_in());
-            let read =
-                command.try_get_matches_from(arguments).and_then(|matches| Cli::from_matches(&matches));
+            let read = command
+                .try_get_matches_from(joined(arguments.map(Into::into)))
+                .and_then(|matches| Cli::from_matches(&matches));
             if let Err(error) = read {
                 panic!("{}: omnibase {line}\n{error}", document.display());
             }
@@ -78,4 +79,26 @@ fn every_command_line_in_the_documents_is_one_that_the_program_takes() {
 #[test]
 fn the_command_line_is_sound() {
     Cli::command_with(&Registry::with_built_in()).debug_assert();
+}
+
+#[test]
+fn a_measured_pose_follows_its_option_with_or_without_a_sign_of_equality_or_not_at_all() {
+    let measured = |line: &[&str]| {
+        let all = ["omnibase", "run", "bmm.toml"].iter().chain(line).map(|word| (*word).into());
+        let matches = Cli::command_with(&Registry::with_built_in()).try_get_matches_from(joined(all));
+        let Command::Run(arguments) = Cli::from_matches(&matches.unwrap()).unwrap().command else { panic!() };
+        format!("{arguments:?}")
+            .split("measured: ")
+            .nth(1)
+            .unwrap()
+            .split(", json")
+            .next()
+            .unwrap()
+            .to_owned()
+    };
+    let pose = measured(&["--measured=-0.002 0.001 0.5"]);
+    assert!(pose.contains("x_m: -0.002"), "{pose}");
+    assert_eq!(measured(&["--measured", "-0.002 0.001 0.5", "--json"]), pose);
+    assert_eq!(measured(&["--measured", "--json"]), "Some(None)");
+    assert_eq!(measured(&["--json"]), "None");
 }

@@ -187,6 +187,9 @@ pub fn run(
     let source = RobotSource::read(&arguments.robot, &arguments.changes)?;
     let plan = source.load_or_explain(registry)?.plan;
     let known = arguments.known(&plan);
+    if let Some(path) = arguments.write.as_ref().filter(|path| !arguments.overwrite && path.exists()) {
+        return Err(write::is_there(path));
+    }
     let driven = if !arguments.from.is_empty() {
         Driven { dataset: recordings::read(arguments, &plan, registry)?, truth: None }
     } else {
@@ -202,11 +205,16 @@ pub fn run(
             output.write_all(&words)?
         }
         announced?;
+        let heard = recordings::check_names(arguments, &plan);
         if arguments.show {
+            if let Err(error) = heard {
+                warn(format_args!("--drive needs another robot file: {error}"));
+            }
             return Ok(Outcome::Done);
         }
         output.flush()?;
         if arguments.drive {
+            heard?;
             drive::drive(arguments, &figures, &plan, registry, output)?
         } else {
             drive::rehearse(arguments, &source, &figures, &known, registry)?
@@ -233,11 +241,12 @@ pub fn run(
         let page = page::of(&plan.name, &dataset, &known, &solution, &drifts);
         std::fs::write(path, page.html()).with_context(|| format!("writing `{}`", path.display()))?;
     }
-    if !solution.is_sound() && arguments.write.is_some() {
+    if !solution.is_sound() {
+        let unwritten = if arguments.write.is_some() { "; nothing is written" } else { "" };
         let (chi_square, doubted) = (solution.reduced_chi_square(), 100.0 * solution.doubted());
         warn(format_args!(
             "the runs don't fit what was said of them: chi² per freedom is {chi_square:.2}, expected at most {WORST_CHI_SQUARE}; \
-             {doubted:.1} % of the poses are wild, expected at most {} %; nothing is written",
+             {doubted:.1} % of the poses are wild, expected at most {} %{unwritten}",
             100.0 * MOST_DOUBTED
         ));
     } else if let Some(path) = &arguments.write {

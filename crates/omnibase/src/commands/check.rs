@@ -11,9 +11,11 @@ use crate::Outcome;
 use crate::progress;
 use crate::robot_file::{Changes, RobotSource, plural};
 use anyhow::Context;
+use omnibase_robot::config::ProblemKind;
 use omnibase_robot::dry::DryRun;
 use omnibase_robot::{Problem, Registry};
 use omnibase_run::LoadedRobot;
+use omnibase_run::room::{Room, RoomError};
 use serde_json::{Value, json};
 use std::io::{self, Write};
 use std::path::PathBuf;
@@ -38,7 +40,7 @@ pub struct Arguments {
     #[arg(skip)]
     reference: ReferenceChoice,
     /// Draw the motion as an SVG: its way and its speed, in the colours of the limits that bind.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = picture::svg_file)]
     picture: Option<PathBuf>,
     /// Print JSON: {"problems": [...]} or the plan; or the kinds.
     #[arg(long)]
@@ -66,8 +68,13 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     };
     let mut source = RobotSource::read(path, &arguments.changes)?;
     source.text.reference = arguments.reference.chosen(registry)?;
-    match source.load(registry) {
-        Ok(robot) => {
+    let loaded = source.load(registry).and_then(|robot| {
+        let room = Room::of(&robot.plan, &source.text.folder);
+        Ok((room.map_err(|error| vec![of_room(&robot, &error)])?, robot))
+    });
+    match loaded {
+        Ok((room, robot)) => {
+            super::learn::warn_of_anothers(&robot.plan, &source.text.folder, registry);
             let motion =
                 progress::meanwhile("planning the motion dry", || arguments.motion(&robot, registry))?;
             let as_given_s = if motion.is_some() { dry::as_given_s(&robot, registry)? } else { None };
@@ -79,7 +86,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
                 serde_json::to_writer_pretty(&mut *output, &plan)?;
                 writeln!(output)?;
             } else {
-                plan::print(&robot.plan, output)?;
+                plan::print(&robot.plan, &room, output)?;
                 cycle::print(&robot.plan, output)?;
                 if let Some(motion) = &motion {
                     dry::print(motion, as_given_s, output)?;
@@ -123,6 +130,19 @@ impl Arguments {
                 .with_context(|| format!("writing `{}`", file.display()))?;
         }
         Ok(Some(motion))
+    }
+}
+
+/// What is wrong with the room, by its setting.
+fn of_room(robot: &LoadedRobot, error: &RoomError) -> Problem {
+    let file = robot.plan.map.as_ref().and_then(|map| map.file.clone());
+    match error {
+        RoomError::File { name, why } => Problem {
+            value: file,
+            ..Problem::new(ProblemKind::File, "map.file", format_args!("{name}: {why}"))
+        },
+        RoomError::Footprint(error) => Problem::refused("platform.footprint_m", error),
+        error => Problem::refused("map", error),
     }
 }
 

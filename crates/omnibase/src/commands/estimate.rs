@@ -6,9 +6,9 @@ use crate::Outcome;
 use crate::commands::calibrate::{Gyro, Truth, one_recording};
 use crate::robot_file::{Changes, RobotSource};
 use anyhow::Context;
-use errors::{Stamped, TrajectoryErrors};
+use errors::{Stamped, TrajectoryErrors, without_jumps};
 use omnibase_calibrate::{Run, Step};
-use omnibase_fusion::{Filter, FilterSettings, Motion, Reading, Sensor, SensorKind, Verdict};
+use omnibase_fusion::{Filter, FilterSettings, Motion, Reading, Sensor, SensorKind};
 use omnibase_platform::{PerWheel, Pose2};
 use omnibase_robot::estimators::covariance_settings;
 use omnibase_robot::{Registry, RobotPlan};
@@ -32,7 +32,8 @@ use std::sync::Arc;
 
 Absolute error: RMS of the distance after the best rigid alignment, as evo_ape's with --align. Relative error: over each metre of the
 believed way, as evo_rpe's with --delta 1 --delta_unit m --all_pairs. A true pose that repeats the one before to the bit was not
-measured, and is left out.")]
+measured, and is left out. Where poses jump, by ten times what half of them are off by, the figures without them stand below. A
+table's times count from its first row.")]
 pub struct Arguments {
     /// Robot file (TOML): wheels, and by its tables `estimator` and `sensor` how well they are known.
     robot: PathBuf,
@@ -40,10 +41,10 @@ pub struct Arguments {
     changes: Changes,
     /// The recording.
     recording: PathBuf,
-    /// Whose poses a recording is compared with: `source:NAME`, or `simulator`; a table of text has its own.
+    /// Whose poses a recording is compared with: `source:NAME`, or `simulator`, its truth without noise; a table of text has its own.
     #[arg(long, value_name = "WHO")]
     truth: Option<Truth>,
-    /// Whose turn is believed: an input's name, or `simulator`.
+    /// Whose turn is believed: an input's name, or `simulator`; default: the robot file's gyro, where the recording has it.
     #[arg(long, value_name = "INPUT")]
     gyro: Option<Gyro>,
     /// Believe every Nth pose; default: none.
@@ -67,7 +68,7 @@ const EVENLY_S: f64 = 5e-3;
 struct Believed {
     wheels: Vec<Stamped>,
     fused: Vec<Stamped>,
-    verdicts: Vec<(&'static str, Verdict)>,
+    verdicts: Vec<(&'static str, String)>,
 }
 
 pub fn run(
@@ -102,11 +103,14 @@ pub fn run(
         .iter()
         .map(|pose| Stamped { time_s: pose.instant_s, pose: pose.world_from_sensor })
         .collect();
-    let errors = |believed: &[Stamped]| {
-        TrajectoryErrors::of(&truth, believed)
+    let errors = |truth: &[Stamped], believed: &[Stamped]| {
+        TrajectoryErrors::of(truth, believed)
             .context("fewer than three poses lie within the time of the wheels: expected the same clock")
     };
-    let (wheels, fused) = (errors(&believed.wheels)?, errors(&believed.fused)?);
+    let (wheels, fused) = (errors(&truth, &believed.wheels)?, errors(&truth, &believed.fused)?);
+    let steady = without_jumps(&truth, &believed.fused);
+    let steady = (errors(&steady, &believed.wheels)?, errors(&steady, &believed.fused)?);
+    let jumps = fused.poses.saturating_sub(steady.1.poses);
     if let Some(folder) = &arguments.tum {
         write_tum(folder, &[("truth", &truth), ("wheels", &believed.wheels), ("fused", &believed.fused)])?;
     }
@@ -115,9 +119,12 @@ pub fn run(
         let verdicts: serde_json::Map<String, serde_json::Value> = believed
             .verdicts
             .iter()
-            .map(|(name, verdict)| ((*name).to_owned(), format!("{verdict:?}").to_lowercase().into()))
+            .map(|(name, verdict)| ((*name).to_owned(), verdict.as_str().into()))
             .collect();
-        let told = json!({ "poses": fused.poses, "way_m": fused.way_m, "wheels": told(&wheels), "fused": told(&fused), "sensors": verdicts });
+        let mut told_all = json!({ "poses": fused.poses, "way_m": fused.way_m, "wheels": told(&wheels), "fused": told(&fused), "sensors": verdicts });
+        told_all["jumps"] = jumps.into();
+        told_all["without_jumps"] = json!({ "wheels": told(&steady.0), "fused": told(&steady.1) });
+        let told = told_all;
         serde_json::to_writer_pretty(&mut *output, &told)?;
         writeln!(output)?;
         return Ok(Outcome::Done);
@@ -128,7 +135,23 @@ pub fn run(
         "{:<10} {:>14} {:>18} {:>18}",
         "", "absolute mm", "over a metre mm", "over a metre mrad"
     )?;
-    for (name, errors) in [("wheels", &wheels), ("fused", &fused)] {
+    print_errors(&wheels, &fused, output)?;
+    if jumps > 0 {
+        writeln!(output, "{jumps} of the poses {}; without:", if jumps == 1 { "jumps" } else { "jump" })?;
+        print_errors(&steady.0, &steady.1, output)?;
+    }
+    for (name, verdict) in &believed.verdicts {
+        writeln!(output, "{name}: {verdict}")?;
+    }
+    Ok(Outcome::Done)
+}
+
+fn print_errors(
+    wheels: &TrajectoryErrors,
+    fused: &TrajectoryErrors,
+    output: &mut dyn Write,
+) -> anyhow::Result<()> {
+    for (name, errors) in [("wheels", wheels), ("fused", fused)] {
         let TrajectoryErrors { absolute_m, relative_m, relative_rad, .. } = errors;
         let relative =
             |value: &Option<f64>| value.map_or("–".to_owned(), |value| format!("{:.3}", 1e3 * value));
@@ -140,10 +163,7 @@ pub fn run(
             relative(relative_rad)
         )?;
     }
-    for (name, verdict) in &believed.verdicts {
-        writeln!(output, "{name}: {}", format!("{verdict:?}").to_lowercase())?;
-    }
-    Ok(Outcome::Done)
+    Ok(())
 }
 
 /// Wheels and gyro in the order of time, with every so many poses.
@@ -189,7 +209,11 @@ fn estimate(plan: &RobotPlan, run: &Run, every_pose: Option<u32>) -> Believed {
         one.pose = one.pose.then(tracker.body_from_sensor);
     }
     let names = ["gyro", "poses"].into_iter().take(sensors.len()).enumerate();
-    believed.verdicts = names.map(|(place, name)| (name, filter.verdict(place).0)).collect();
+    let verdict = |(place, name)| match (name, run.turns.is_empty()) {
+        ("gyro", true) => (name, "not read".to_owned()),
+        _ => (name, format!("{:?}", filter.verdict(place).0).to_lowercase()),
+    };
+    believed.verdicts = names.map(verdict).collect();
     believed
 }
 
@@ -199,7 +223,7 @@ fn even_steps(run: &Run) -> Vec<Step> {
     let mut from_s = run.begin_s;
     for step in &run.steps {
         let time_s = step.end_s - from_s;
-        let parts = (time_s / EVENLY_S - 1e-6).ceil().max(1.0) as u32;
+        let parts = (time_s / EVENLY_S - 1e-3).ceil().max(1.0) as u32;
         let turned_rad = PerWheel::from_fn(step.turned_rad.len(), |n| step.turned_rad[n] / f64::from(parts));
         let end_s = |part: u32| from_s + time_s * f64::from(part) / f64::from(parts);
         steps.extend((1..parts).map(|part| Step { end_s: end_s(part), turned_rad }));

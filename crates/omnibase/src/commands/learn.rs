@@ -134,14 +134,41 @@ pub fn run(
         return Ok(Outcome::Failed);
     };
     if let Some(path) = &arguments.write {
-        std::fs::write(
-            path,
-            lines("Learnt: t s, x m, y m, heading rad, in the platform's axes", &correction),
-        )
-        .with_context(|| format!("writing `{}`", path.display()))?;
+        let mut head = "Learnt: t s, x m, y m, heading rad, in the platform's axes".to_owned();
+        if is_chosen || arguments.from.is_empty() {
+            head += &format!("\n# {FOR}{}", whose(&plan, registry)?);
+        }
+        std::fs::write(path, lines(&head, &correction))
+            .with_context(|| format!("writing `{}`", path.display()))?;
         note(format_args!("{}: drive with it by --correction, or reference.correction_file", path.display()));
     }
     Ok(Outcome::Done)
+}
+
+/// Before what a correction's file says of whose it is.
+const FOR: &str = "Learnt for: ";
+
+/// Of whom a correction is: a robot and its motion.
+fn whose(plan: &RobotPlan, registry: &Registry) -> anyhow::Result<String> {
+    let Motion { duration_s, poses } = Motion::of(plan, registry)?;
+    let way_m: f64 = poses.windows(2).map(|two| two[0].distance_m(two[1])).sum();
+    let Pose2 { x_m, y_m, heading_rad } = poses.last().copied().unwrap_or_default();
+    let (name, wheels) = (&plan.name, plan.drives.len());
+    Ok(format!(
+        "{name} with {wheels} wheels, a motion of {duration_s:.3} s and {way_m:.2} m to ({x_m:.2}, {y_m:.2}, {heading_rad:.2})"
+    ))
+}
+
+/// Warns where a correction's file says that it was learnt of another robot, or of another motion.
+pub(super) fn warn_of_anothers(plan: &RobotPlan, folder: &Path, registry: &Registry) {
+    let Some(name) = &plan.reference.correction_file else { return };
+    let Ok(text) = omnibase_run::small_file::text(&folder.join(name)) else { return };
+    let learnt = text.lines().find_map(|line| line.trim_start_matches(['#', ' ']).strip_prefix(FOR));
+    if let (Some(learnt), Ok(own)) = (learnt, whose(plan, registry))
+        && learnt.trim() != own
+    {
+        warn(format_args!("{name} was learnt for {learnt}; this is {own}"));
+    }
 }
 
 /// Tells of a repeat as soon as it is known.

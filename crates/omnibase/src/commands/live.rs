@@ -20,13 +20,13 @@ use anyhow::Context;
 use omnibase_client::robots::{Endpoint, Found};
 use serde_json::{Map, Value, json};
 use std::convert::Infallible;
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::net::SocketAddr;
 use std::path::PathBuf;
 use std::time::Duration;
 
 /// The longest wait for a robot's answer.
-const LONGEST: Duration = Duration::from_secs(5);
+const LONGEST: Duration = Duration::from_secs(15);
 
 /// Which running robot is meant.
 #[derive(Debug, clap::Args)]
@@ -169,7 +169,12 @@ impl Line {
     fn exchange(&self, what: &str, body: Option<&str>) -> anyhow::Result<(bool, String)> {
         let address = match &self.robot.place {
             Endpoint::Socket(path) => {
-                return owner::exchange(path, what, body, LONGEST).with_context(|| self.nobody());
+                return owner::exchange(path, what, body, LONGEST).map_err(|error| {
+                    let is_late = error.downcast_ref::<std::io::Error>().is_some_and(|error| {
+                        matches!(error.kind(), ErrorKind::WouldBlock | ErrorKind::TimedOut)
+                    });
+                    error.context(if is_late { self.late() } else { self.nobody() })
+                });
             }
             Endpoint::Address(address) => address,
         };
@@ -179,7 +184,8 @@ impl Line {
             None => self.agent.get(&url).header("Authorization", token).call(),
             Some(body) => self.agent.post(&url).header("Authorization", token).send(body),
         };
-        let mut answer = answer.with_context(|| self.nobody())?;
+        let is_late = matches!(answer, Err(ureq::Error::Timeout(_)));
+        let mut answer = answer.with_context(|| if is_late { self.late() } else { self.nobody() })?;
         let text = answer.body_mut().read_to_string()?;
         Ok((answer.status().is_success(), text))
     }
@@ -216,6 +222,10 @@ impl Line {
         }
         let (_, text) = self.exchange("call", Some(&call.to_string()))?;
         Ok(serde_json::from_str(&text).unwrap_or_else(|_| json!({ "done": false, "text": text })))
+    }
+
+    fn late(&self) -> String {
+        format!("the robot at {} gave no answer in {} s", self.robot.place, LONGEST.as_secs())
     }
 
     fn nobody(&self) -> String {

@@ -2,6 +2,7 @@
 
 mod picture;
 
+use super::check::picture::svg_file;
 use crate::Outcome;
 use crate::progress::{meanwhile, note};
 use crate::robot_file::{Changes, RobotSource};
@@ -60,7 +61,7 @@ pub struct Arguments {
     #[arg(long, value_name = "FILE")]
     write: Option<PathBuf>,
     /// Draw it: an SVG file, or a page where the name ends in .html.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = picture_file)]
     picture: Option<PathBuf>,
     /// Print one JSON object.
     #[arg(long)]
@@ -119,6 +120,11 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
 fn computed() -> Duration {
     let used = rustix::time::clock_gettime(rustix::time::ClockId::ThreadCPUTime);
     Duration::try_from(used).unwrap_or_default()
+}
+
+fn picture_file(text: &str) -> Result<PathBuf, String> {
+    let is_page = Path::new(text).extension().is_some_and(|ending| ending == "html");
+    if is_page { Ok(text.into()) } else { svg_file(text).map_err(|error| format!("{error}; or .html")) }
 }
 
 fn seconds(text: &str) -> Result<Duration, String> {

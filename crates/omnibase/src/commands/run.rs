@@ -9,7 +9,7 @@ mod recording;
 pub(crate) mod reference;
 mod report;
 
-use crate::cli::{Cli, Command};
+use crate::cli::{Cli, Command, joined};
 use crate::progress::{bar, error, note, warn};
 use crate::real_time::RealTime;
 use crate::robot_file::{Changes, RobotSource};
@@ -125,7 +125,7 @@ pub(crate) fn recorded_run(
     words.extend(["--reference".to_owned(), text(reference), "--record".to_owned(), text(recording)]);
     words.extend(changes.as_options());
     words.extend(options.iter().cloned());
-    let matches = Cli::command_with(registry).try_get_matches_from(words);
+    let matches = Cli::command_with(registry).try_get_matches_from(joined(words.into_iter().map(Into::into)));
     let matches = matches.map_err(|error| WrongUsage(anyhow::anyhow!("behind `--`: {error}")))?;
     let Command::Run(arguments) = Cli::from_matches(&matches)?.command else {
         anyhow::bail!("behind `--`: expected options of run")
@@ -142,6 +142,7 @@ pub fn run(
     let mut source = RobotSource::read(&arguments.robot, &arguments.changes)?;
     source.text.reference = arguments.reference.chosen(registry)?;
     let robot = source.load_or_explain(registry)?;
+    super::learn::warn_of_anothers(&robot.plan, &source.text.folder, registry);
     let arguments = &arguments.deployed(&robot, &source.text.folder)?;
     let is_operated = arguments.operated.is_wanted();
     anyhow::ensure!(
@@ -228,20 +229,36 @@ fn end_recording(
     recorded.failure.map(|failure| anyhow::Error::from(failure).context("the recording ended early"))
 }
 
-/// Asks a person where the platform stands, until it is a pose; nothing for an empty line.
-pub(super) fn ask_where_it_stands() -> anyhow::Result<Option<FloorPose>> {
+/// What a person says of where the platform stands.
+pub(super) enum Told {
+    /// There.
+    Pose(FloorPose),
+    /// An empty line.
+    Nothing,
+    /// Nobody says anything any more.
+    End,
+}
+
+/// Asks a person by these words where the platform stands, until it is a pose or nothing.
+pub(super) fn ask_for_pose(words: &str) -> anyhow::Result<Told> {
     loop {
-        eprint!("measured on the floor, x y heading [m m rad, or 90deg; empty: not measured]: ");
+        eprint!("{words}: ");
         let mut line = String::new();
-        std::io::stdin().read_line(&mut line).context("reading where the platform stands")?;
+        let read = std::io::stdin().read_line(&mut line).context("reading where the platform stands")?;
         match line.trim() {
-            "" => return Ok(None),
+            "" if read == 0 => return Ok(Told::End),
+            "" => return Ok(Told::Nothing),
             text => match text.parse() {
-                Ok(pose) => return Ok(Some(pose)),
+                Ok(pose) => return Ok(Told::Pose(pose)),
                 Err(words) => warn(words),
             },
         }
     }
+}
+
+fn ask_where_it_stands() -> anyhow::Result<Option<FloorPose>> {
+    let told = ask_for_pose("measured on the floor, x y heading [m m rad, or 90deg; empty: not measured]")?;
+    Ok(if let Told::Pose(pose) = told { Some(pose) } else { None })
 }
 
 /// The way to the drives.

@@ -184,3 +184,42 @@ fn a_picture_of_a_motion_says_where_it_begins_and_ends() {
     let straight = drawn(&folder.file("straight.dat", "0 0 0 0\n4 1 0 0\n"));
     assert!(straight.contains(">start</text>") && straight.contains(">end</text>"), "{straight}");
 }
+
+#[test]
+fn the_map_is_looked_at_as_a_run_does_and_told() {
+    let map = folder_of_a_map();
+    let told = prints(&[
+        "check",
+        "robots/bmm.toml",
+        "--set",
+        &format!("map.file={}", map.path("room.yaml")),
+        "--set",
+        "map.blocked_m=[[[1,0],[2,0],[1,1]]]",
+    ]);
+    assert!(told.contains("map         4 x 3 cells of 0.05 m, 1 polygon\n"), "{told}");
+    for (file, why) in [("nope.yaml", "No such file"), ("broken.yaml", "resolution")] {
+        let set = format!("map.file={}", map.path(file));
+        let (code, said) = refused(&["check", "robots/bmm.toml", "--set", &set]);
+        assert!(code == Some(1) && said.contains("map.file") && said.contains(why), "{file}: {said}");
+        let (_, run) =
+            refused(&["run", "robots/bmm.toml", "--dashboard=127.0.0.1:0", "--simulated", "--set", &set]);
+        assert!(run.contains(why), "{run}");
+    }
+}
+
+fn folder_of_a_map() -> Folder {
+    let folder = Folder::new("check-map");
+    let yaml = "image: room.pgm\nresolution: 0.05\norigin: [-0.1, -0.1, 0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\n";
+    folder.file("room.yaml", yaml);
+    folder.file("broken.yaml", &yaml.replace("0.05", "wide"));
+    std::fs::write(folder.path("room.pgm"), [&b"P5\n4 3\n255\n"[..], &[254; 12]].concat()).unwrap();
+    folder
+}
+
+#[test]
+fn a_picture_has_the_name_of_what_it_is() {
+    for command in [&["check", "robots/bmm.toml"][..], &["plan", "robots/bmm.toml", "--to", "1 0 0"]] {
+        let (code, said) = refused(&[command, &["--picture", "way.png"]].concat());
+        assert!(code == Some(2) && said.contains("expected a name that ends in .svg"), "{said}");
+    }
+}

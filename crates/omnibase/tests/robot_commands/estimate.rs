@@ -18,7 +18,9 @@ fn a_recording_is_estimated_with_and_without_poses() {
     };
     let absolute_mm = |told: &Value, of: &str| 1e3 * told[of]["absolute_m"].as_f64().unwrap();
     let alone = told(&["--tum", &tum]);
-    assert!((7.5..9.5).contains(&alone["way_m"].as_f64().unwrap()), "{alone}");
+    // The truth has no noise.
+    assert!((7.95..8.05).contains(&alone["way_m"].as_f64().unwrap()) && alone["jumps"] == 0, "{alone}");
+    assert!(alone["wheels"]["relative_rad"].as_f64().unwrap() < 1e-3, "{alone}");
     assert_eq!(alone["sensors"]["gyro"], "good");
     // Poses tell to a millimetre where it is, and are themselves what it is compared with.
     let with_poses = told(&["--poses", "5"]);
@@ -81,6 +83,20 @@ fn a_table_of_anybody_is_taken_and_what_it_lacks_is_said() {
     assert!(output.status.success(), "{}", words(&output.stderr));
     let told: Value = serde_json::from_slice(&output.stdout).unwrap();
     assert!(told["wheels"]["absolute_m"].as_f64().unwrap() < 2e-3, "{told}");
+    // One pose is a metre off; a wheel is wrapped.
+    let estimated = |text: &str| {
+        std::fs::write(&table, text).unwrap();
+        let output = omnibase(&["estimate", "robots/bmm.toml", &table]);
+        (words(&output.stdout), words(&output.stderr))
+    };
+    let (said, warned) = estimated(&text.replace(",1.5,0,0\n", ",2.5,0,0\n"));
+    assert!(
+        said.contains("501 poses over 2.52 m\n") && said.contains("1 of the poses jumps; without:"),
+        "{said}"
+    );
+    assert!(said.contains("gyro: not read") && !warned.contains("turned at"), "{said}{warned}");
+    let (_, warned) = estimated(&text.replace("\n3,0,", "\n3,6.3,"));
+    assert!(warned.contains("line 302, wheel_1_rad: it turned at 630 rad/s"), "{warned}");
     for (wrong, told) in [
         // Time that runs back, time in ms, a pose beyond the Moon.
         (text.replace("\n3,", "\n2,"), "its instant 2 s isn't later than 2.99 s"),

@@ -2,7 +2,7 @@
 //!
 //! | column | what |
 //! |---|---|
-//! | `time_s` | when the row's wheels were read, rising |
+//! | `time_s` | when the row's wheels were read, rising; they count from the first row |
 //! | `wheel_1_rad`, `wheel_2_rad`, … | the angle of each wheel, counted on over whole turns |
 //! | `gyro_rad_s` | a gyro's rate, to the left |
 //! | `pose_x_m`, `pose_y_m`, `pose_heading_rad` | where a sensor was, in its own world |
@@ -163,9 +163,11 @@ pub fn run_of_table(text: &str, wheels: usize, name: &str) -> Result<Run, TableE
     .map(|name| table.column(name));
     let mut run = Run { name: name.to_owned(), ..Run::default() };
     let mut before: Option<PerWheel> = None;
+    // Of seconds since 1970 a number has no more than some 0.2 us.
+    let first_s = table.rows.first().and_then(|(_, row)| row[time]).unwrap_or(0.0);
     for (line, row) in &table.rows {
         let cell = |column: Option<usize>| column.and_then(|column| row[column]);
-        let time_s = row[time].ok_or(TableError::NoTime { line: *line })?;
+        let time_s = row[time].ok_or(TableError::NoTime { line: *line })? - first_s;
         let angles: Vec<f64> = wheel_columns.iter().filter_map(|column| row[*column]).collect();
         if angles.len() == wheels {
             let angles = PerWheel::from_fn(wheels, |wheel| angles[wheel]);
@@ -189,7 +191,7 @@ pub fn run_of_table(text: &str, wheels: usize, name: &str) -> Result<Run, TableE
             let ready = PoseSensor::default();
             let heading_rad = cell(heading);
             run.poses.push(PoseSample {
-                instant_s: cell(stated).unwrap_or(time_s),
+                instant_s: cell(stated).map_or(time_s, |stated_s| stated_s - first_s),
                 world_from_sensor: Pose2::new(x_m, y_m, heading_rad.unwrap_or(0.0)),
                 sigma_m: cell(sigma_m).unwrap_or(ready.sigma_m),
                 sigma_rad: match heading_rad {
@@ -200,6 +202,30 @@ pub fn run_of_table(text: &str, wheels: usize, name: &str) -> Result<Run, TableE
         }
     }
     Ok(run)
+}
+
+/// The first place where a wheel turns faster than it can, in words.
+pub fn too_fast(text: &str, wheels: usize, most_rad_s: f64) -> Result<Option<String>, TableError> {
+    let table = Table::read(text)?;
+    let time = table.needed("time_s", "when each row was measured")?;
+    for wheel in 1..=wheels {
+        let name = format!("wheel_{wheel}_rad");
+        let column = table.needed(&name, "the angle of each wheel")?;
+        let mut before: Option<[f64; 2]> = None;
+        for (line, row) in &table.rows {
+            let (Some(time_s), Some(angle_rad)) = (row[time], row[column]) else { continue };
+            if let Some([from_s, from_rad]) = before.replace([time_s, angle_rad]) {
+                let rad_s = (angle_rad - from_rad).abs() / (time_s - from_s);
+                if time_s > from_s && rad_s > most_rad_s {
+                    return Ok(Some(format!(
+                        "line {line}, {name}: it turned at {rad_s:.0} rad/s, and limits.wheel_speed_rad_s is {most_rad_s}: \
+                         is it counted on over whole turns, and in radians?"
+                    )));
+                }
+            }
+        }
+    }
+    Ok(None)
 }
 
 #[cfg(test)]
@@ -219,6 +245,26 @@ mod tests {
         assert_eq!(run.poses[2].instant_s, 0.25);
         let semicolons = TEXT.replace(',', ";");
         assert_eq!(run_of_table(&semicolons, 3, "other"), Ok(run));
+    }
+
+    #[test]
+    fn times_count_from_the_first_row() {
+        let table = |from_s: f64| {
+            let rows = (0..3).map(|n| format!("{:.2},0,0,{n},0,{n},0\n", from_s + 0.01 * f64::from(n)));
+            let head = "time_s,wheel_1_rad,wheel_2_rad,wheel_3_rad,gyro_rad_s,pose_x_m,pose_y_m\n";
+            run_of_table(&(head.to_owned() + &rows.collect::<String>()), 3, "other").unwrap()
+        };
+        let (early, late) = (table(0.0), table(1.7e9));
+        assert_eq!((late.begin_s, late.turns[0].instant_s, late.poses[0].instant_s), (0.0, 0.0, 0.0));
+        assert!((late.steps[1].end_s - early.steps[1].end_s).abs() < 1e-6, "{late:?}");
+    }
+
+    #[test]
+    fn a_wheel_that_turns_faster_than_it_can_is_told_with_its_first_line() {
+        assert_eq!(too_fast(TEXT, 3, 15.0), Ok(None));
+        let wrapped = TEXT.replace("0.5,-1", "-5.78,-1");
+        let words = too_fast(&wrapped, 3, 15.0).unwrap().unwrap();
+        assert!(words.starts_with("line 5, wheel_2_rad: it turned at 60 rad/s"), "{words}");
     }
 
     #[test]

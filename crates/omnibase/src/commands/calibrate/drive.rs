@@ -4,10 +4,10 @@ use super::figure::{self, reference};
 use super::recordings::{self, STEP_S};
 use super::{Arguments, Known};
 use crate::Outcome;
-use crate::commands::run::recorded_run;
+use crate::commands::run::{Told, ask_for_pose, recorded_run};
 use crate::progress::{note, warn};
 use crate::robot_file::RobotSource;
-use anyhow::{Context, ensure};
+use anyhow::{Context, bail, ensure};
 use omnibase_calibrate::figures::{Figure, Witness};
 use omnibase_calibrate::rehearsal::{Random, drawn_wheel};
 use omnibase_calibrate::{Build, Dataset, Run, SensorMount, Step};
@@ -16,6 +16,7 @@ use omnibase_platform::{Kinematics, PerWheel, Pose2};
 use omnibase_robot::{Registry, RobotPlan};
 use omnibase_run::stepped::{Leader, Stepped};
 use std::io::Write;
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// What was driven, and what the robot truly is where that is known.
@@ -140,30 +141,55 @@ pub(super) fn drive(
     let by_tape = arguments.truth.is_none();
     let (mut recordings, mut tapes) = (Vec::new(), Vec::new());
     for (number, figure) in figures.iter().enumerate() {
+        let so_far = || goes_on(arguments, &recordings, &tapes);
         let name = format!("{}-{}", number + 1, figure.name);
         let (path, recording) = (folder.join(format!("{name}.toml")), folder.join(format!("{name}.mcap")));
         let table = toml::to_string(&reference(figure)).context("the figure as a reference")?;
         std::fs::write(&path, table).with_context(|| format!("writing `{}`", path.display()))?;
-        if by_tape {
-            tapes.push(asked()?);
-        }
+        let before = if by_tape { Some(asked().with_context(so_far)?) } else { None };
         note(format_args!("{}: {}", figure.name, figure.meaning));
         // Where one object is asked for, there is one.
         let mut silent = std::io::sink();
         let output: &mut dyn Write = if arguments.json { &mut silent } else { output };
         let Arguments { robot, changes, run, .. } = arguments;
-        let driven = recorded_run(robot, changes, run, &path, &recording, registry, output)?;
-        ensure!(driven == Outcome::Done, "the figure was not driven to its end");
-        if by_tape {
-            tapes.push(asked()?);
+        let driven =
+            recorded_run(robot, changes, run, &path, &recording, registry, output).and_then(|driven| {
+                ensure!(driven == Outcome::Done, "the figure was not driven to its end");
+                Ok(())
+            });
+        driven.with_context(so_far)?;
+        if let Some(before) = before {
+            let after = asked().with_context(so_far)?;
+            tapes.extend([before, after]);
         }
         recordings.push(recording);
+        if by_tape {
+            note(goes_on(arguments, &recordings, &tapes));
+        }
     }
     let dataset = recordings::read_all(arguments, &recordings, &tapes, plan, registry)?;
     Ok(Driven { dataset, truth: None })
 }
 
+/// How to go on with what was driven and measured so far.
+fn goes_on(arguments: &Arguments, recordings: &[PathBuf], tapes: &[FloorPose]) -> String {
+    let robot = arguments.robot.display();
+    let from: Vec<String> =
+        recordings.iter().map(|recording| format!(" --from {}", recording.display())).collect();
+    let tapes: Vec<String> = tapes.iter().map(|pose| format!(" --tape \"{pose}\"")).collect();
+    match recordings {
+        [] => "nothing is driven and measured so far".to_owned(),
+        _ => format!("so far: omnibase calibrate {robot}{}{}", from.concat(), tapes.concat()),
+    }
+}
+
+/// Where the platform stands; asked until it is told.
 fn asked() -> anyhow::Result<FloorPose> {
-    crate::commands::run::ask_where_it_stands()?
-        .context("without a place on the floor there is nothing to calibrate by")
+    loop {
+        match ask_for_pose("where it stands on the floor, x y heading [m m rad, or 90deg; Ctrl-C ends it]")? {
+            Told::Pose(pose) => return Ok(pose),
+            Told::Nothing => warn("without this place the figure can't be calibrated by"),
+            Told::End => bail!("nobody says where it stands: the input ended"),
+        }
+    }
 }

@@ -10,7 +10,7 @@ use omnibase_measure::measured::FloorPose;
 use omnibase_record::run::RecordedRun;
 use omnibase_robot::config::{SensorName, SensorPlan};
 use omnibase_robot::{Registry, RobotPlan};
-use omnibase_run::dataset::table::run_of_table;
+use omnibase_run::dataset::table::{run_of_table, too_fast};
 use omnibase_run::dataset::{GyroFrom, PosesFrom, Witnesses, run_of};
 use omnibase_run::robot_text::from_description;
 use std::path::{Path, PathBuf};
@@ -41,8 +41,8 @@ pub(super) fn read_all(
     let mut dataset = Dataset::default();
     for (number, path) in paths.iter().enumerate() {
         let witnesses = witnesses(arguments, plan, number);
-        let mut run =
-            read_one(path, plan, registry, &witnesses).with_context(|| format!("`{}`", path.display()))?;
+        let mut run = read_one(path, plan, registry, &witnesses, true)
+            .with_context(|| format!("`{}`", path.display()))?;
         run = run.without_repeats();
         if let Some(&[before, after]) = tapes.get(2 * number..2 * number + 2) {
             let [sigma_m, sigma_rad] = arguments.tape_sigma;
@@ -59,6 +59,11 @@ pub(super) fn read_all(
     Ok(dataset)
 }
 
+/// Whether the robot has all that is to be heard of its recordings.
+pub(super) fn check_names(arguments: &Arguments, plan: &RobotPlan) -> anyhow::Result<()> {
+    Ok(omnibase_run::dataset::check_names(plan, &witnesses(arguments, plan, 0))?)
+}
+
 fn witnesses(arguments: &Arguments, plan: &RobotPlan, number: usize) -> Witnesses {
     let mount = SensorMount {
         base_from_sensor: arguments.mount(plan).base_from_sensor,
@@ -68,7 +73,8 @@ fn witnesses(arguments: &Arguments, plan: &RobotPlan, number: usize) -> Witnesse
     witnesses_of(arguments.truth.as_ref(), arguments.gyro.as_ref(), mount, plan, seed)
 }
 
-/// A recording by itself, its poses at their true instants; whose poses and turns is told.
+/// A recording by itself, its poses at their true instants, the simulator's without noise. Whose poses and turns is told; without that the
+/// file's gyro counts where the recording has it.
 pub(crate) fn one_recording(
     path: &Path,
     plan: &RobotPlan,
@@ -77,9 +83,24 @@ pub(crate) fn one_recording(
     gyro: Option<&Gyro>,
 ) -> anyhow::Result<Run> {
     let mount = mount_of(tracker(plan, truth));
-    let mut run = read_one(path, plan, registry, &witnesses_of(truth, gyro, mount, plan, 1))?;
-    run.poses.iter_mut().for_each(|pose| pose.instant_s -= mount.delay_s);
+    let of_file = if gyro.is_none() { gyro_of_file(plan) } else { None };
+    let mut witnesses = witnesses_of(truth, gyro.or(of_file.as_ref()), mount, plan, 1);
+    if let Some(PosesFrom::Simulator(sensor)) = witnesses.poses {
+        witnesses.poses = Some(PosesFrom::Truth(sensor));
+    }
+    let needs_gyro = of_file.is_none();
+    let mut run = read_one(path, plan, registry, &witnesses, needs_gyro)?;
+    if !matches!(witnesses.poses, Some(PosesFrom::Truth(_))) {
+        run.poses.iter_mut().for_each(|pose| pose.instant_s -= mount.delay_s);
+    }
     Ok(run)
+}
+
+/// The input of the file's gyro.
+fn gyro_of_file(plan: &RobotPlan) -> Option<Gyro> {
+    let gyro = plan.sensors.iter().find(|one| one.kind == SensorName::Gyro)?;
+    let place = *gyro.inputs.first()?;
+    plan.signals().inputs.into_iter().nth(place).map(|input| Gyro::Input(input.name))
 }
 
 fn witnesses_of(
@@ -124,10 +145,15 @@ fn read_one(
     plan: &RobotPlan,
     registry: &Registry,
     witnesses: &Witnesses,
+    needs_gyro: bool,
 ) -> anyhow::Result<Run> {
     if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("csv")) {
         let text = omnibase_run::small_file::text(path).context("reading it")?;
-        let run = run_of_table(&text, plan.drives.len(), &path.display().to_string())?;
+        let (wheels, most_rad_s) = (plan.drives.len(), plan.limits.wheel_speed_rad_s);
+        let run = run_of_table(&text, wheels, &path.display().to_string())?;
+        if let Some(words) = too_fast(&text, wheels, most_rad_s)? {
+            warn(format_args!("`{}`: {words}", path.display()));
+        }
         return Ok(run.in_steps_of(STEP_S));
     }
     let file = std::fs::File::open(path).context("opening it")?;
@@ -145,7 +171,13 @@ fn read_one(
         found == expected,
         "it is of a robot with {found} wheels, expected {expected} as in the robot file"
     );
-    let mut run = run_of(&recorded, &its_plan, &path.display().to_string(), witnesses)?;
+    let name = path.display().to_string();
+    let mut run = match run_of(&recorded, &its_plan, &name, witnesses) {
+        Err(_) if !needs_gyro => {
+            run_of(&recorded, &its_plan, &name, &Witnesses { gyro: None, ..witnesses.clone() })?
+        }
+        read => read?,
+    };
     let gyro = match &witnesses.gyro {
         Some(GyroFrom::Input(name)) => gyro(plan, Some(&Gyro::Input(name.clone()))),
         _ => None,

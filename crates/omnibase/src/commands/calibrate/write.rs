@@ -21,6 +21,11 @@ pub struct SensorNames<'a> {
     pub gyro: Option<&'a str>,
 }
 
+/// Why a file that is there isn't written.
+pub(super) fn is_there(path: &Path) -> anyhow::Error {
+    anyhow::anyhow!("`{}` is there already: give another name, or --overwrite", path.display())
+}
+
 /// Writes the file; refuses to write over one unless that is told.
 pub(super) fn write(
     path: &Path,
@@ -45,7 +50,7 @@ pub(super) fn write(
     options.write(true).truncate(true).create(may_overwrite).create_new(!may_overwrite);
     let opened = options.open(path);
     if opened.as_ref().is_err_and(|error| error.kind() == std::io::ErrorKind::AlreadyExists) {
-        bail!("`{}` is there already: give another name, or --overwrite", path.display());
+        return Err(is_there(path));
     }
     let mut file = opened.with_context(|| format!("creating `{}`", path.display()))?;
     file.write_all(new.as_bytes()).with_context(|| format!("writing `{}`", path.display()))

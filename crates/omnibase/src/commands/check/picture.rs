@@ -1,6 +1,7 @@
 //! A motion that was planned dry, as a picture: its way over the floor, and its speed over time, in the colours of the limits that bind.
 
 use std::fmt::Write;
+use std::path::{Path, PathBuf};
 
 use omnibase_platform::Pose2;
 use omnibase_robot::RobotPlan;
@@ -197,4 +198,12 @@ fn speeds(run: &DryRun, strokes: &[(Option<Limit>, Vec<Moment>)], top: f64) -> S
         picture += &line(&stroke.iter().map(at).collect::<Vec<_>>(), *limit);
     }
     picture
+}
+
+/// The name of a picture.
+pub fn svg_file(text: &str) -> Result<PathBuf, String> {
+    let is_svg = Path::new(text).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("svg"));
+    is_svg
+        .then(|| text.into())
+        .ok_or_else(|| format!("it is drawn as SVG: expected a name that ends in .svg, found `{text}`"))
 }

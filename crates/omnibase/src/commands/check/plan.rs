@@ -8,6 +8,7 @@ use omnibase_robot::config::{
     Coding, DcPlan, DrivePlan, FootprintSource, InputOwner, ParameterPlan, ParameterState, PdoPlan,
     TorqueLimit, TorqueLimitTold,
 };
+use omnibase_run::room::Room;
 use serde_json::{Value, json};
 use std::io::{self, Write};
 
@@ -39,7 +40,7 @@ fn objects(pdos: &[PdoPlan]) -> Vec<(String, u32, u8)> {
     list
 }
 
-pub fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
+pub fn print(plan: &RobotPlan, room: &Room, output: &mut dyn Write) -> io::Result<()> {
     let controllers: Vec<&str> = plan.controllers().collect();
     writeln!(output, "robot       {}", plan.name)?;
     writeln!(
@@ -65,6 +66,7 @@ pub fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
         }
     };
     writeln!(output, "footprint   {} corners: {source}", plan.guard.footprint_m.len())?;
+    print_map(plan, room, output)?;
     print_sensors(plan, output)?;
     print_wheels(plan, output)?;
     writeln!(output, "\nprocess image, bytes from the start of each drive's data")?;
@@ -85,6 +87,19 @@ pub fn print(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {
         writeln!(output, "  {name:<20} {value}")?;
     }
     Ok(())
+}
+
+fn print_map(plan: &RobotPlan, room: &Room, output: &mut dyn Write) -> io::Result<()> {
+    if plan.map.is_none() {
+        return Ok(());
+    }
+    let cells = room.map().map(|map| format!("{} x {} cells of {} m", map.width, map.height, map.cell_m));
+    let polygons = match room.blocked_m().len() {
+        1 => "1 polygon".to_owned(),
+        count => format!("{count} polygons"),
+    };
+    let all: Vec<String> = cells.into_iter().chain([polygons]).collect();
+    writeln!(output, "map         {}", all.join(", "))
 }
 
 fn print_sensors(plan: &RobotPlan, output: &mut dyn Write) -> io::Result<()> {

@@ -16,7 +16,7 @@ pub struct Stamped {
 pub struct TrajectoryErrors {
     /// How many true poses were compared.
     pub poses: usize,
-    /// The true way, m.
+    /// The believed way, m: noise makes none longer.
     pub way_m: f64,
     /// RMS of the distance after the best rigid alignment (Umeyama, without scale), m.
     pub absolute_m: f64,
@@ -29,6 +29,10 @@ pub struct TrajectoryErrors {
 /// The way over which relative errors are taken, and by how much a pair's own may differ, m.
 const OVER_M: f64 = 1.0;
 const OVER_WITHIN_M: f64 = 0.1;
+/// A pose jumps that is off by so many times what half of them are, and by so much, m; where so many in a row do, it is there.
+const JUMPS: f64 = 10.0;
+const LEAST_JUMP_M: f64 = 5e-3;
+const MOST_LEFT_OUT: u32 = 20;
 /// Poses of both trajectories belong together within so much, s.
 const TOGETHER_S: f64 = 0.01;
 
@@ -40,7 +44,7 @@ impl TrajectoryErrors {
             return None;
         }
         let absolute_m = rms(aligned_distances_m(&pairs).into_iter())?;
-        let way_m = pairs.windows(2).map(|two| two[0].0.distance_m(two[1].0)).sum();
+        let way_m = pairs.windows(2).map(|two| two[0].1.distance_m(two[1].1)).sum();
         let relative: Vec<Pose2> = a_metre_apart(&pairs)
             .map(|(begin, end)| {
                 let step = |from: Pose2, to: Pose2| from.inverse().then(to);
@@ -62,14 +66,46 @@ fn together(truth: &[Stamped], believed: &[Stamped]) -> Vec<(Pose2, Pose2)> {
     let truth_is_longer = truth.len() > believed.len();
     let (fewer, more) = if truth_is_longer { (believed, truth) } else { (truth, believed) };
     let pair = |one: &Stamped| {
-        let after = more.partition_point(|other| other.time_s <= one.time_s);
-        let near = more[after.saturating_sub(1)..].iter().take(if after == 0 { 1 } else { 2 });
-        let apart_s = |other: &Stamped| (other.time_s - one.time_s).abs();
-        let nearest = near.min_by(|a, b| apart_s(a).total_cmp(&apart_s(b)))?;
-        let (one, other) = (apart_s(nearest) <= TOGETHER_S).then_some((one.pose, nearest.pose))?;
+        let (one, other) = (one.pose, nearest(more, one.time_s)?);
         Some(if truth_is_longer { (other, one) } else { (one, other) })
     };
     fewer.iter().filter_map(pair).collect()
+}
+
+/// The pose of a trajectory that is nearest to a time, where one belongs to it.
+fn nearest(trajectory: &[Stamped], time_s: f64) -> Option<Pose2> {
+    let after = trajectory.partition_point(|one| one.time_s <= time_s);
+    let near = trajectory[after.saturating_sub(1)..].iter().take(if after == 0 { 1 } else { 2 });
+    let apart_s = |one: &Stamped| (one.time_s - time_s).abs();
+    let nearest = near.min_by(|a, b| apart_s(a).total_cmp(&apart_s(b)))?;
+    (apart_s(nearest) <= TOGETHER_S).then_some(nearest.pose)
+}
+
+/// The true poses without those that jump: from the one before farther than is believed, by ten times what half of them are off by.
+pub fn without_jumps(truth: &[Stamped], believed: &[Stamped]) -> Vec<Stamped> {
+    type Pair = (Stamped, Pose2);
+    let pairs: Vec<Pair> =
+        truth.iter().filter_map(|one| Some((*one, nearest(believed, one.time_s)?))).collect();
+    let off_m =
+        |one: &Pair, next: &Pair| (one.0.pose.distance_m(next.0.pose) - one.1.distance_m(next.1)).abs();
+    let steps_m: Vec<f64> = pairs.windows(2).map(|two| off_m(&two[0], &two[1])).collect();
+    let mut sorted_m = steps_m.clone();
+    sorted_m.sort_by(f64::total_cmp);
+    let Some(median_m) = sorted_m.get(sorted_m.len() / 2) else { return truth.to_vec() };
+    let gate_m = (JUMPS * median_m).max(LEAST_JUMP_M);
+    let begin = steps_m.iter().position(|step_m| *step_m <= gate_m).unwrap_or(0);
+    let mut kept: Vec<Pair> = Vec::new();
+    let mut left_out = 0;
+    for pair in &pairs[begin..] {
+        let jumps = kept.last().is_some_and(|last| off_m(last, pair) > gate_m);
+        if jumps && left_out < MOST_LEFT_OUT {
+            left_out += 1;
+        } else {
+            left_out = 0;
+            kept.push(*pair);
+        }
+    }
+    kept.into_iter().map(|(one, _)| one).collect()
 }
 
 /// From each pose to that later one whose believed way is nearest to a metre, where it is one within a tenth.
@@ -171,6 +207,31 @@ mod tests {
         assert_eq!(a_metre_apart(&pairs).next(), Some((0, 2)));
         // And of 0.62 m: neither 0.62 nor 1.24 m is within a tenth.
         assert_eq!(a_metre_apart(&together(&line(1.0), &line(2.0))).count(), 0);
+    }
+
+    #[test]
+    fn poses_that_jump_are_left_out_and_where_it_was_carried_to_isnt() {
+        let believed = trajectory(|_, pose| pose);
+        let wave = |n: usize| 1e-3 * (7.0 * n as f64).sin();
+        let seen = |jumps: &dyn Fn(usize) -> bool| -> Vec<Stamped> {
+            let all = believed.iter().enumerate();
+            all.map(|(n, one)| {
+                let x_m = one.pose.x_m + wave(n) + if jumps(n) { 1.0 } else { 0.0 };
+                Stamped { pose: Pose2 { x_m, ..one.pose }, ..*one }
+            })
+            .collect()
+        };
+        for (jumps, left_out) in [
+            (&(|_: usize| false) as &dyn Fn(usize) -> bool, 0),
+            (&|n| [0, 20, 21, 70, 100].contains(&n), 5),
+            (&|n| n >= 40, MOST_LEFT_OUT as usize),
+        ] {
+            let truth = seen(jumps);
+            assert_eq!(truth.len() - without_jumps(&truth, &believed).len(), left_out);
+        }
+        // The way is the believed one, whatever jumps.
+        let errors = TrajectoryErrors::of(&seen(&|n| n % 30 == 7), &believed).unwrap();
+        assert!((errors.way_m - std::f64::consts::PI).abs() < 1e-3, "{errors:?}");
     }
 
     #[test]
