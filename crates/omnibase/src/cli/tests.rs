@@ -1,4 +1,4 @@
-use super::Cli;
+use super::{Cli, Command, joined};
 use omnibase_robot::Registry;
 use std::path::{Path, PathBuf};
 
