@@ -19,6 +19,7 @@ mod bridges;
 pub mod bus;
 mod cli;
 mod commands;
+mod correction_file;
 mod decode;
 mod dictionary;
 mod every;

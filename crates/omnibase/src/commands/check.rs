@@ -74,7 +74,7 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     });
     match loaded {
         Ok((room, robot)) => {
-            super::learn::warn_of_anothers(&robot.plan, &source.text.folder, registry);
+            crate::correction_file::warn_of_anothers(&robot.plan, &source.text.folder, registry);
             let motion =
                 progress::meanwhile("planning the motion dry", || arguments.motion(&robot, registry))?;
             let as_given_s = if motion.is_some() { dry::as_given_s(&robot, registry)? } else { None };

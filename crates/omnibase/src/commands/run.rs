@@ -142,7 +142,7 @@ pub fn run(
     let mut source = RobotSource::read(&arguments.robot, &arguments.changes)?;
     source.text.reference = arguments.reference.chosen(registry)?;
     let robot = source.load_or_explain(registry)?;
-    super::learn::warn_of_anothers(&robot.plan, &source.text.folder, registry);
+    crate::correction_file::warn_of_anothers(&robot.plan, &source.text.folder, registry);
     let arguments = &arguments.deployed(&robot, &source.text.folder)?;
     let is_operated = arguments.operated.is_wanted();
     anyhow::ensure!(

@@ -23,6 +23,8 @@ pub struct Person {
     heard: Arc<Heard>,
     /// What was typed, or piped in, and isn't read as a line yet.
     typed: Vec<u8>,
+    /// What was asked last: who is asked that again may have said it already.
+    asked: String,
     stop: &'static AtomicBool,
 }
 
@@ -35,7 +37,7 @@ struct Listening {
 impl Person {
     /// A person at the standard input; `stop` ends it as leaving does.
     pub fn new(stop: &'static AtomicBool) -> Self {
-        Person { listening: None, heard: Arc::default(), typed: Vec::new(), stop }
+        Person { listening: None, heard: Arc::default(), typed: Vec::new(), asked: String::new(), stop }
     }
 
     /// What was typed before a question stood there is no answer to it; what is piped in is.
@@ -139,7 +141,10 @@ fn hear(heard: &Heard, longest: Duration) -> bool {
 impl Hand for Person {
     fn ask(&mut self, question: &Question) -> Answer {
         self.stop_listening();
-        self.forget_typed();
+        if self.asked != question.id {
+            self.forget_typed();
+            self.asked.clone_from(&question.id);
+        }
         let choices = if question.choices.is_empty() {
             String::new()
         } else {
