@@ -1,5 +1,6 @@
 //! Which drive goes on, and since when it is held up.
 
+use super::going::{BUSY, GONE, TOO_LATE, too_late};
 use super::*;
 use omnibase_robot::signals::StopCategory;
 use omnibase_run::live::{Ages, Client, live};
