@@ -1,7 +1,7 @@
 //! A tracker that was silent while wheels went wrong by more than their tolerances say.
 
 use omnibase_fusion::{Filter, Reading, Verdict};
-use omnibase_platform::{BodyStep, Pose2};
+use omnibase_platform::{BodyStep, Pose2, Twist2};
 
 use crate::world::{PERIOD_NS, World, error, gyro, settings, tracker};
 
@@ -105,8 +105,10 @@ fn one_that_froze_is_not_believed_because_torque_is_off_until_it_says_something_
         [4.0, 5.0, 9.0].map(|after_s| world.now_ns + (1e9 * after_s) as u64).into();
     let mut returned_s = None;
     for _ in 0..10_500 {
-        let mut motion = world.step();
-        motion.is_free = world.now_ns >= free_ns;
+        // It stands where its torque was taken, half a metre on.
+        let is_free = world.now_ns >= free_ns;
+        let mut motion = if is_free { world.drive(Twist2::default()) } else { world.step() };
+        motion.is_free = is_free;
         filter.advance(world.now_ns, &motion);
         if (world.now_ns / PERIOD_NS).is_multiple_of(10) {
             let mut said = world.read(0);
