@@ -124,14 +124,15 @@ fn a_drive_turns_while_the_space_bar_is_held_and_no_other_key_moves_it() {
     let mut has_turned = false;
     for _ in 0..20 {
         let begun = Instant::now();
-        terminal.wait(&["which wheel turned", choice], |keyboard| {
+        let asked = terminal.wait(&["which wheel turned", choice], |keyboard| {
             if begun.elapsed() < Duration::from_secs(3) {
                 hold(keyboard);
             } else {
                 keyboard.write_all(b"x").unwrap();
             }
         });
-        has_turned = jogs(&output).iter().any(|(_, enabled, _)| *enabled > 0);
+        let was_enabled = jogs(&output).iter().any(|(_, enabled, _)| *enabled > 0);
+        has_turned = was_enabled && asked != choice;
         if has_turned {
             // Enter alone is no answer where there is a choice. What was typed while the drive turned is none either.
             terminal.press("\n");
@@ -143,8 +144,15 @@ fn a_drive_turns_while_the_space_bar_is_held_and_no_other_key_moves_it() {
         terminal.wait(&["hold the key"], |_| {});
     }
     assert!(has_turned, "{:?}", jogs(&output));
-    terminal.press("\nleave\n");
+    // What was typed before a question was there doesn't answer it.
+    terminal.press("wheel_1\nforward\n");
+    terminal.wait(&["which way did wheel_1 turn?"], |_| {});
+    terminal.press("backward\n");
+    terminal.wait(&["how many turns did wheel_1 make?"], |_| {});
+    terminal.press("leave\n");
     terminal.wait(&["the same command takes it up again"], |_| {});
+    let screen = terminal.screen.lock().unwrap().clone();
+    assert!(!screen.contains("found \"backward\""), "{screen}");
     let ended = terminal.script.wait().unwrap();
     assert_eq!(ended.code(), Some(1), "left, not done");
     for (line, _, unheld) in jogs(&output) {

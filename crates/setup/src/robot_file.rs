@@ -240,4 +240,22 @@ mod tests {
             assert_eq!(plan.devices[1].place, place);
         }
     }
+
+    /// Five turns of the motor for one of the wheel.
+    #[test]
+    fn counts_that_were_not_seen_are_said_beside_what_was_seen() {
+        for (seen_counts, reason) in [
+            (4950.0, "of the motor, confirmed by turns that were seen"),
+            (4000.0, "of the motor, as was said: +25 % beside the turns that were seen"),
+        ] {
+            let drive = FoundDrive {
+                counts_per_revolution: Some(1000),
+                gear_ratio: Some(5.0),
+                seen_counts: Some(seen_counts),
+                ..FoundDrive::default()
+            };
+            let text = table("wheel_1", &drive, None).to_string();
+            assert!(text.contains(&format!("counts_per_revolution = 1000  # {reason}\n")), "{text}");
+        }
+    }
 }

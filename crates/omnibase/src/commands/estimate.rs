@@ -121,10 +121,15 @@ pub fn run(
             .iter()
             .map(|(name, verdict)| ((*name).to_owned(), verdict.as_str().into()))
             .collect();
-        let mut told_all = json!({ "poses": fused.poses, "way_m": fused.way_m, "wheels": told(&wheels), "fused": told(&fused), "sensors": verdicts });
-        told_all["jumps"] = jumps.into();
-        told_all["without_jumps"] = json!({ "wheels": told(&steady.0), "fused": told(&steady.1) });
-        let told = told_all;
+        let told = json!({
+            "poses": fused.poses,
+            "way_m": fused.way_m,
+            "wheels": told(&wheels),
+            "fused": told(&fused),
+            "sensors": verdicts,
+            "jumps": jumps,
+            "without_jumps": { "wheels": told(&steady.0), "fused": told(&steady.1) },
+        });
         serde_json::to_writer_pretty(&mut *output, &told)?;
         writeln!(output)?;
         return Ok(Outcome::Done);

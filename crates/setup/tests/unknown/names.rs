@@ -199,5 +199,8 @@ fn an_alias_that_shows_later_is_believed_when_the_set_up_is_taken_up_again() {
             _ => leaves(question),
         });
         assert_eq!(found.text.contains("alias = 77"), is_switched_between, "{}", found.text);
+        let waits =
+            found.record.findings.iter().any(|finding| finding.contains("until it was switched off and on"));
+        assert_eq!(waits, !is_switched_between, "{:?}", found.record.findings);
     }
 }
