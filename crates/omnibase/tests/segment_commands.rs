@@ -347,6 +347,7 @@ impl Simulator {
             .arg("simulate")
             .args(arguments)
             .args(["--interface", Namespace::FAR])
+            .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
             .unwrap();

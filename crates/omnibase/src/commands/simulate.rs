@@ -8,7 +8,7 @@ use crate::real_time::RealTime;
 use crate::robot_file::{Changes, RobotSource};
 use crate::target::{Cable, Port, Target, finish_recording};
 use crate::{Outcome, segment};
-use fault::TimedFault;
+use fault::{FaultSource, TimedFault, typed_lines};
 use logbook::{Arrival, Entry, Logbook, Standstill, TruePose, WatchdogStop};
 use omnibase_ethercat_sim::{Fault, MainPort, Pace, RingEnds, Segment, Served, serve, serve_ring};
 use omnibase_ethercat_wire::sii::Image;
@@ -23,6 +23,7 @@ use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::mpsc::Receiver;
 use std::time::Duration;
 
 /// Simulates a segment, or a whole robot, behind a network interface, in real time, for any MainDevice. Ctrl-C ends it.
@@ -49,6 +50,8 @@ Faults, `<fault>@<position>:<seconds after the start>[:<argument>]`:
   sto@1:5 (the safety input takes the torque)   sto-over@1:8
   brake@1:0:1500 (its motor has a brake that holds so many per mille of the rated torque; 50 is a worn one)
   push@1:5:300 (somebody turns its shaft by so many per mille of the rated torque)   push@1:8 (lets go)
+With --fault - they are typed meanwhile, a line each; their seconds count from the line, and without any they come at
+once: sto@1, push@1:0:300, push@1, power-off@2
 
 What happens to the robot itself (pushes, payloads, the floor) is in its file, [[simulation.event]], counted from the start here.")]
 pub struct Arguments {
@@ -66,9 +69,9 @@ pub struct Arguments {
     /// Network interface at the other end of a ring: its cable is plugged into port 1 of the last SubDevice.
     #[arg(long, value_name = "INTERFACE", conflicts_with = "record")]
     redundant: Option<String>,
-    /// Something that goes wrong, and when; may be given several times.
+    /// Something that goes wrong, and when; may be given several times. `-` reads them from standard input meanwhile.
     #[arg(long, value_name = "FAULT@POSITION:SECONDS")]
-    fault: Vec<TimedFault>,
+    fault: Vec<FaultSource>,
     /// Record all frames into this pcapng file.
     #[arg(long, value_name = "FILE")]
     record: Option<PathBuf>,
@@ -161,13 +164,14 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
     if arguments.redundant.is_some() {
         segment.close_ring(count.saturating_sub(1), 1)?;
     }
-    for fault in &arguments.fault {
-        anyhow::ensure!(
-            fault.position < count,
-            "fault `{fault}`: there is no SubDevice {}, the segment has {count}",
-            fault.position
-        );
+    let mut faults = Vec::new();
+    for source in &arguments.fault {
+        let FaultSource::Timed(fault) = source else { continue };
+        fault.expect_within(count).map_err(|why| anyhow::anyhow!("fault `{fault}`: {why}"))?;
+        faults.push(fault.clone());
     }
+    faults.sort_by_key(|fault| fault.after);
+    let typed = arguments.fault.contains(&FaultSource::Lines).then(typed_lines);
     let stop = stop_on_signals()?;
     // Two simulators would both answer every frame.
     let interfaces = std::iter::once(&arguments.interface).chain(&arguments.redundant);
@@ -192,15 +196,12 @@ pub fn run(arguments: &Arguments, registry: &Registry, output: &mut dyn Write) -
         // A script that waits for these lines must not wait for the buffer to fill.
         output.flush()?;
     }
-    let mut faults = arguments.fault.clone();
-    faults.sort_by_key(|fault| fault.after);
-    faults.reverse();
     let logbook = Logbook::new(&segment, machine);
     let interfaces = std::iter::once(&arguments.interface).chain(&arguments.redundant);
     let ports = [MainPort::Primary, MainPort::Redundant].into_iter().zip(interfaces);
     let ends = ports.map(|(port, name)| End { name: name.clone(), port, is_out: false }).collect();
     let links = LinkWatch::new()?;
-    let mut watch = Watch { logbook, faults, script, start: segment.now(), stop, ends, links };
+    let mut watch = Watch { logbook, faults, typed, script, start: segment.now(), stop, ends, links };
     // Until the end of the service.
     let granted = arguments.real_time.apply(SERVICE_PERIOD)?;
     let served = watch.serve(&mut segment, &mut cable, other_end.as_mut())?;
@@ -257,8 +258,10 @@ fn describe(segment: &Segment, arguments: &Arguments) -> Vec<String> {
 /// Looks on while a segment is served, and does to it what the command line asks for.
 struct Watch {
     logbook: Logbook,
-    /// Faults that are still to come, the next one last.
+    /// Faults that are still to come, the next one first.
     faults: Vec<TimedFault>,
+    /// Faults that are typed.
+    typed: Option<Receiver<String>>,
     /// What happens to the robot, by its file.
     script: Option<Script>,
     start: HostTime,
@@ -347,11 +350,26 @@ impl Watch {
         }
     }
 
+    /// Takes what was typed.
+    fn hear(&mut self, now: HostTime, count: usize) {
+        for line in self.typed.iter().flat_map(Receiver::try_iter) {
+            match TimedFault::typed(&line, count) {
+                Ok(mut fault) => {
+                    fault.after += now - self.start;
+                    let at = self.faults.partition_point(|earlier| earlier.after <= fault.after);
+                    self.faults.insert(at, fault);
+                }
+                Err(error) => note(format_args!("`{}`: {error}", line.trim())),
+            }
+        }
+    }
+
     fn look(&mut self, segment: &mut Segment) -> ControlFlow<()> {
         self.logbook.look(segment);
         let now = segment.now();
         self.look_at_ends(segment);
-        while let Some(fault) = self.faults.pop_if(|fault| self.start + fault.after <= now) {
+        self.hear(now, segment.sub_devices().len());
+        for fault in self.faults.extract_if(.., |fault| self.start + fault.after <= now) {
             match segment.inject(fault.position, fault.fault.clone()) {
                 Ok(()) => self.logbook.note(now, format!("fault: {fault}")),
                 Err(error) => self.logbook.note(now, format!("fault {fault} is not possible: {error}")),

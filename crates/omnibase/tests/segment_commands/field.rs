@@ -3,6 +3,7 @@
 use super::{Simulator, json, omnibase, scratch, segment, sim, text};
 use omnibase_ethercat_wire::sii;
 use omnibase_host::Namespace;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
 use std::sync::LazyLock;
@@ -52,6 +53,24 @@ fn simulated(file: &str, faults: impl Iterator<Item = String>) -> Simulator {
     let faults: Vec<String> = faults.flat_map(|fault| ["--fault".to_owned(), fault]).collect();
     let arguments: Vec<&str> = std::iter::once(file).chain(faults.iter().map(String::as_str)).collect();
     Simulator::start(&arguments).0
+}
+
+/// Whoever stands beside it unplugs a drive by a line, whenever he likes; a line that says nothing ends nothing.
+#[test]
+fn a_fault_that_is_typed_comes_at_once() {
+    let Some(namespace) = Namespace::for_test("a_fault_that_is_typed_comes_at_once") else { return };
+    namespace.run(|| {
+        let (mut simulator, _) = Simulator::start(&[&segment("three-servos"), "--fault", "-"]);
+        let mut lines = simulator.process.stdin.take().unwrap();
+        let found =
+            || json(&omnibase(&["scan", Namespace::NEAR, "--json"]))["subdevices"].as_array().map(Vec::len);
+        for (line, count) in [("fire@1", 3), ("power-off@2", 2), ("power-on@2", 3)] {
+            writeln!(lines, "{line}").unwrap();
+            assert!((0..100).any(|_| found() == Some(count)), "{line}");
+        }
+        drop(lines);
+        assert_eq!((found(), simulator.interrupt().0), (Some(3), Some(0)));
+    });
 }
 
 /// Frames that are damaged now and then cost exchanges: their end says where, by the counters of the chips.

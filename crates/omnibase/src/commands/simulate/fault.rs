@@ -1,10 +1,12 @@
-//! Faults of the command line: `<fault>@<position>:<seconds>[:<argument>]`.
+//! Faults of the command line, `<fault>@<position>:<seconds>[:<argument>]`, and of lines that are typed meanwhile.
 
 use crate::value;
 use omnibase_ethercat_sim::Fault;
 use omnibase_ethercat_sim::pdi::ApplicationFault;
 use std::fmt;
+use std::io::BufRead;
 use std::str::FromStr;
+use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 /// Reads a fault from its name and its argument.
@@ -54,23 +56,82 @@ impl fmt::Display for TimedFault {
     }
 }
 
+/// What `--fault` is given.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum FaultSource {
+    /// A fault at its time.
+    Timed(TimedFault),
+    /// `-`: lines of standard input, whenever they come.
+    Lines,
+}
+
+impl FromStr for FaultSource {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "-" => Ok(FaultSource::Lines),
+            _ => text.parse().map(FaultSource::Timed),
+        }
+    }
+}
+
 impl FromStr for TimedFault {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
+        TimedFault::read(text, None)
+    }
+}
+
+impl TimedFault {
+    /// Reads one; without a time it comes `at_once`, where that is allowed.
+    fn read(text: &str, at_once: Option<Duration>) -> Result<Self, String> {
         let (name, place) = text
             .split_once('@')
             .ok_or("expected <fault>@<position>:<seconds>, for example power-cycle@1:5")?;
         let mut parts = place.split(':');
         let position = parts.next().and_then(|part| part.parse().ok()).ok_or("the position is no number")?;
-        let seconds = parts.next().ok_or("the time is missing: <fault>@<position>:<seconds>")?;
-        let after = duration(seconds)?;
+        let after = match (parts.next(), at_once) {
+            (Some(seconds), _) => duration(seconds)?,
+            (None, Some(at_once)) => at_once,
+            (None, None) => return Err("the time is missing: <fault>@<position>:<seconds>".to_owned()),
+        };
         let argument = parts.next();
         if parts.next().is_some() {
             return Err("there is more behind the argument".to_owned());
         }
         Ok(TimedFault { position, after, fault: fault(name, argument)?, text: text.to_owned() })
     }
+
+    /// A line that was typed: `sto@1` comes at once, `sto@1:5` 5 s after the line.
+    ///
+    /// # Errors
+    /// What is wrong with it, in a sentence.
+    pub fn typed(line: &str, count: usize) -> Result<Self, String> {
+        let fault = TimedFault::read(line.trim(), Some(Duration::ZERO))?;
+        fault.expect_within(count)?;
+        Ok(fault)
+    }
+
+    /// # Errors
+    /// The segment has fewer SubDevices, `count`.
+    pub fn expect_within(&self, count: usize) -> Result<(), String> {
+        match self.position < count {
+            true => Ok(()),
+            false => Err(format!("there is no SubDevice {}, the segment has {count}", self.position)),
+        }
+    }
+}
+
+/// Lines of standard input as they come, read beside the simulation; ends with the input.
+pub fn typed_lines() -> Receiver<String> {
+    let (sender, receiver) = channel();
+    std::thread::spawn(move || {
+        let lines = std::io::stdin().lock().lines().map_while(Result::ok);
+        lines.filter(|line| !line.trim().is_empty()).try_for_each(|line| sender.send(line))
+    });
+    receiver
 }
 
 /// What stands behind the time, and the fault's name for messages.
@@ -143,6 +204,18 @@ mod tests {
         assert_eq!(parsed("brake@0:0:50"), (0, 0, ApplicationFault::Brake(50).into()));
         let error = ApplicationFault::AlError(0x1B);
         assert_eq!(parsed("al-error@2:1:0x1b"), (2, 1000, Fault::Application(error)));
+    }
+
+    #[test]
+    fn a_line_that_is_typed_needs_no_time() {
+        let typed = |line: &str| TimedFault::typed(line, 2);
+        let at_once = typed(" sto@1\r").unwrap();
+        assert_eq!((at_once.position, at_once.after), (1, Duration::ZERO));
+        assert_eq!(typed("push@0:2:300").unwrap().after, Duration::from_secs(2));
+        assert_eq!(typed("sto@2").unwrap_err(), "there is no SubDevice 2, the segment has 2");
+        assert_eq!("-".parse(), Ok(FaultSource::Lines));
+        assert_eq!("sto@1:5".parse(), typed("sto@1:5").map(FaultSource::Timed));
+        assert!("sto@1".parse::<FaultSource>().unwrap_err().contains("the time is missing"));
     }
 
     #[test]
