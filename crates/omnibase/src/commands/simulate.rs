@@ -353,9 +353,8 @@ impl Watch {
     /// Takes what was typed.
     fn hear(&mut self, now: HostTime, count: usize) {
         for line in self.typed.iter().flat_map(Receiver::try_iter) {
-            match TimedFault::typed(&line, count) {
-                Ok(mut fault) => {
-                    fault.after += now - self.start;
+            match TimedFault::typed(&line, count, now - self.start) {
+                Ok(fault) => {
                     let at = self.faults.partition_point(|earlier| earlier.after <= fault.after);
                     self.faults.insert(at, fault);
                 }

@@ -104,13 +104,14 @@ impl TimedFault {
         Ok(TimedFault { position, after, fault: fault(name, argument)?, text: text.to_owned() })
     }
 
-    /// A line that was typed: `sto@1` comes at once, `sto@1:5` 5 s after the line.
+    /// A line that was typed so long after the start, of one of `count` SubDevices: `sto@1` comes at once, `sto@1:5` in 5 s.
     ///
     /// # Errors
     /// What is wrong with it, in a sentence.
-    pub fn typed(line: &str, count: usize) -> Result<Self, String> {
-        let fault = TimedFault::read(line.trim(), Some(Duration::ZERO))?;
+    pub fn typed(line: &str, count: usize, since_start: Duration) -> Result<Self, String> {
+        let mut fault = TimedFault::read(line.trim(), Some(Duration::ZERO))?;
         fault.expect_within(count)?;
+        fault.after += since_start;
         Ok(fault)
     }
 
@@ -208,13 +209,13 @@ mod tests {
 
     #[test]
     fn a_line_that_is_typed_needs_no_time() {
-        let typed = |line: &str| TimedFault::typed(line, 2);
+        let typed = |line: &str| TimedFault::typed(line, 2, Duration::from_secs(7));
         let at_once = typed(" sto@1\r").unwrap();
-        assert_eq!((at_once.position, at_once.after), (1, Duration::ZERO));
-        assert_eq!(typed("push@0:2:300").unwrap().after, Duration::from_secs(2));
+        assert_eq!((at_once.position, at_once.after), (1, Duration::from_secs(7)));
+        assert_eq!(typed("push@0:2:300").unwrap().after, Duration::from_secs(9));
         assert_eq!(typed("sto@2").unwrap_err(), "there is no SubDevice 2, the segment has 2");
         assert_eq!("-".parse(), Ok(FaultSource::Lines));
-        assert_eq!("sto@1:5".parse(), typed("sto@1:5").map(FaultSource::Timed));
+        assert_eq!("sto@1:12".parse::<TimedFault>().unwrap().after, typed("sto@1:5").unwrap().after);
         assert!("sto@1".parse::<FaultSource>().unwrap_err().contains("the time is missing"));
     }
 
