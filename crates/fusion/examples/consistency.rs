@@ -16,7 +16,7 @@ use omnibase_fusion::{Filter, Sensor, SensorKind};
 #[allow(dead_code, reason = "the tests use more of it")]
 #[path = "../tests/filter/world.rs"]
 mod world;
-use world::{Chance, PERIOD_NS, World, error, gyro, mouse, nees, settings, tracker};
+use world::{Chance, PERIOD_NS, World, camera, error, gyro, imu, mouse, nees, settings, tracker};
 
 /// Instants at which all worlds are looked at, this apart, ms.
 const LOOKS: usize = 40;
@@ -35,7 +35,7 @@ struct Measure {
 }
 
 /// What each measure was in a world, look by look.
-type Looks = [[f64; LOOKS]; 4];
+type Looks = [[f64; LOOKS]; 6];
 /// How often all worlds are drawn anew.
 const DRAWS: u32 = 1000;
 
@@ -45,11 +45,15 @@ fn main() {
     let (worlds, first): (u64, u64) = (number(1000), number(0));
     let asked = words.next();
     let mice = [(mouse(0.2, 0.1), 8), (mouse(-0.2, 0.1), 8)];
-    let sets: [(&str, Vec<Heard>); 5] = [
+    let sets: [(&str, Vec<Heard>); 9] = [
         ("wheels", Vec::new()),
         ("wheels, gyro", vec![(gyro(), 1)]),
+        ("wheels, imu", vec![(imu(), 1)]),
+        ("wheels, twist", vec![(camera(), 20)]),
+        ("wheels, two mice", mice.to_vec()),
         ("wheels, gyro, two mice", [&[(gyro(), 1)][..], &mice].concat()),
         ("wheels, poses at 100 Hz", vec![(tracker(), 10)]),
+        ("wheels, imu, twist, poses", vec![(imu(), 1), (camera(), 20), (tracker(), 10)]),
         ("all", [&[(gyro(), 1)][..], &mice, &[(tracker(), 10)]].concat()),
     ];
     println!("{worlds} worlds of {} s each, seen {LOOKS} times\n", LOOKS as u64 * BETWEEN_MS / 1000);
@@ -71,12 +75,14 @@ fn main() {
     }
 }
 
-fn measures() -> [Measure; 4] {
+fn measures() -> [Measure; 6] {
     let nis = |name, freedoms, kind| Measure { name, freedoms, kind: Some(kind) };
     [
         Measure { name: "NEES of the pose", freedoms: 3.0, kind: None },
         nis("NIS of the gyro", 1.0, SensorKind::Turn),
+        nis("NIS of the imu", 1.0, SensorKind::Inertial),
         nis("NIS of the mice", 2.0, SensorKind::Flow),
+        nis("NIS of the twist", 3.0, SensorKind::Twist),
         nis("NIS of the poses", 3.0, SensorKind::Pose),
     ]
 }
@@ -156,7 +162,7 @@ fn drive(seed: u64, sensors: &[Heard]) -> (Looks, f64) {
     let known: Vec<Sensor> = sensors.iter().map(|(sensor, _)| *sensor).collect();
     let mut world = World::new(seed, &known);
     let mut filter = Filter::new(settings(), &known);
-    let mut seen = [[0.0; LOOKS]; 4];
+    let mut seen = [[0.0; LOOKS]; 6];
     for look in 0..LOOKS {
         for _ in 0..BETWEEN_MS {
             let motion = world.step();

@@ -7,27 +7,18 @@
 //! The Python is `target/smoother/bin/python` by default, which `python3 -m venv target/smoother &&
 //! target/smoother/bin/pip install gtsam numpy` makes.
 
-use std::fmt::Write as _;
 use std::path::Path;
-use std::process::Command;
-
-use omnibase_fusion::{Filter, Reading, Sensor};
-use omnibase_platform::{BodyStep, Pose2, wrap_angle_rad};
 
 #[path = "../tests/filter/world.rs"]
 #[allow(dead_code, reason = "the tests use more of it")]
 mod world;
-use world::{World, gyro, mouse, settings, tracker};
 
-/// Cycles in an epoch of the filter, and epochs in a world.
-const CYCLES: u64 = 5;
+#[path = "../tests/filter/batch.rs"]
+mod batch;
+use batch::Ends;
+
+/// Epochs in a world.
 const EPOCHS: u64 = 200;
-const EPOCH_S: f64 = 5e-3;
-/// Milliseconds from one reading to the next of gyro, mice and poses.
-const EVERY: [u64; 4] = [1, 8, 8, 10];
-
-/// When, s, and what.
-type Heard = (f64, [f64; 3]);
 
 fn main() {
     let mut words = std::env::args().skip(1);
@@ -48,24 +39,10 @@ fn main() {
     println!("|---|---|---|---|---|---|---|---|---|");
     let mut greatest = 0.0_f64;
     for seed in 0..worlds {
-        let (table, filter, truth) = drive(seed);
-        let file = std::env::temp_dir().join(format!("omnibase-smoother-{}.csv", std::process::id()));
-        std::fs::write(&file, table).expect("the table is written");
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("examples/smoother/batch.py");
-        let output = Command::new(&python).arg(script).arg(&file).output().expect("python runs");
-        std::fs::remove_file(&file).expect("the table is there");
-        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-        let told = String::from_utf8_lossy(&output.stdout);
-        let numbers: Vec<f64> = told.split_whitespace().map(|word| word.parse().expect("numbers")).collect();
-        let [x, y, heading, sx, sy, sh] = numbers[..] else { panic!("expected six numbers, found `{told}`") };
-        let batch = Pose2 { x_m: x, y_m: y, heading_rad: heading };
-        let off = |pose: Pose2| {
-            let turn = wrap_angle_rad(pose.heading_rad - batch.heading_rad);
-            [(pose.x_m - x) / sx, (pose.y_m - y) / sy, turn / sh]
-        };
-        let belief = filter.belief().0;
-        let (filtered, real) = (off(belief.map_from_body), off(truth));
-        let [xx, _, _, yy, _, hh] = belief.pose_covariance();
+        let ends = Ends::of(seed, EPOCHS, Path::new(&python));
+        let [filtered, sigmas, real] =
+            [&ends.filter_off, &ends.filter_sigma, &ends.truth_off].map(|all| ends.over_batch(all));
+        let [sx, sy, sh] = ends.batch_sigma;
         println!(
             "| {seed} | {:.3} | {:.3} | {:.3} | {:.3}, {:.3} mm, {:.3} mrad | {:.3}, {:.3}, {:.3} | {:.2} | {:.2} | {:.2} |",
             filtered[0],
@@ -74,9 +51,9 @@ fn main() {
             1e3 * sx,
             1e3 * sy,
             1e3 * sh,
-            xx.sqrt() / sx,
-            yy.sqrt() / sy,
-            hh.sqrt() / sh,
+            sigmas[0],
+            sigmas[1],
+            sigmas[2],
             real[0],
             real[1],
             real[2],
@@ -85,88 +62,4 @@ fn main() {
     }
     println!("\nfilter at most {greatest:.3} standard deviations of the batch from it");
     assert!(greatest < 3.0, "within three standard deviations of the batch's own");
-}
-
-/// What is told epoch by epoch, the filter at the end, and the truth there.
-fn drive(seed: u64) -> (String, Filter, Pose2) {
-    let sensors: [Sensor; 4] = [gyro(), mouse(0.2, 0.1), mouse(-0.2, 0.1), tracker()];
-    let mut world = World::new(seed, &sensors);
-    let mut filter = Filter::new(settings(), &sensors);
-    let mut table = head(&sensors);
-    // One epoch more, so that the last one is passed.
-    for epoch in 0..=EPOCHS {
-        let mut moved = Pose2::default();
-        let mut heard: [Vec<Heard>; 4] = Default::default();
-        for cycle in 1..=CYCLES {
-            let (truth, end_ns) = (world.truth, world.now_ns);
-            let motion = world.step();
-            moved = moved.then(motion.body_from_next);
-            filter.advance(world.now_ns, &motion);
-            if epoch == EPOCHS {
-                assert_eq!(filter.belief().1, end_ns, "all of it is passed, and nothing else");
-                return (table, filter, truth);
-            }
-            for (sensor, every) in EVERY.iter().enumerate() {
-                if (epoch * CYCLES + cycle).is_multiple_of(*every) {
-                    let reading = world.read(sensor);
-                    assert!(filter.hear(sensor, world.now_ns, &reading));
-                    let values = match reading {
-                        Reading::Turn(turn) => [turn, 0.0, 0.0],
-                        Reading::Inertial { .. } => unreachable!("no sensor of this world is one"),
-                        Reading::Flow([x, y]) => [x, y, 0.0],
-                        Reading::Twist(twist) => twist,
-                        Reading::Pose { map_from_sensor: Pose2 { x_m, y_m, heading_rad }, .. } => {
-                            [x_m, y_m, heading_rad]
-                        }
-                    };
-                    heard[sensor].push((1e-3 * (cycle as f64 - 2.5), values));
-                }
-            }
-        }
-        let BodyStep { x_m, y_m, angle_rad } = moved.log();
-        let _ = write!(table, "{x_m:e},{y_m:e},{angle_rad:e}");
-        for readings in heard {
-            let count = readings.len() as f64;
-            let mean = |of: &dyn Fn(&Heard) -> f64| readings.iter().map(of).sum::<f64>() / count.max(1.0);
-            let values: [f64; 3] = std::array::from_fn(|n| mean(&|one| one.1[n]));
-            let _ = write!(
-                table,
-                ",{count},{:e},{:e},{:e},{:e}",
-                mean(&|one| one.0),
-                values[0],
-                values[1],
-                values[2]
-            );
-        }
-        table.push('\n');
-    }
-    unreachable!("the last epoch ends it")
-}
-
-/// What a smoother must know: settings, one line each.
-fn head(sensors: &[Sensor; 4]) -> String {
-    let settings = settings();
-    let wheels = &settings.wheels;
-    let mut text = format!("{EPOCH_S}\n{:e},{:e}\n", wheels.initial_m2, wheels.initial_rad2);
-    let _ = writeln!(
-        text,
-        "{:e},{:e},{:e},{:e}",
-        wheels.position_per_m, wheels.position_per_rad, wheels.heading_per_m, wheels.heading_per_rad
-    );
-    let row = |row: usize| {
-        (0..9).map(|column| format!("{:e}", settings.geometry[(row, column)])).collect::<Vec<_>>()
-    };
-    let _ = writeln!(text, "{}", (0..9).flat_map(row).collect::<Vec<_>>().join(","));
-    for Sensor {
-        body_from_sensor: at, sigma, bias_sigma, bias_walk, scale_sigma, direction_sigma_rad, ..
-    } in sensors
-    {
-        let [sx, sy, sh] = sigma;
-        let _ = writeln!(
-            text,
-            "{},{},{},{sx:e},{sy:e},{sh:e},{bias_sigma:e},{bias_walk:e},{scale_sigma:e},{direction_sigma_rad:e}",
-            at.x_m, at.y_m, at.heading_rad
-        );
-    }
-    text
 }

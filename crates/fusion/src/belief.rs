@@ -6,7 +6,7 @@
 
 mod carrying;
 
-use nalgebra::SMatrix;
+use nalgebra::{Matrix3, SMatrix};
 use omnibase_platform::{BodyStep, Pose2};
 
 use crate::sensor::{MAX_RATES, MAX_SENSORS};
@@ -194,6 +194,18 @@ impl<const M: usize> Innovation<M> {
         self.root.map(|row| row.iter().map(|value| value * value).sum())
     }
 
+    /// What is left of each error of the pose, where nobody knew of it: x, y and heading. A row of each number on the pose.
+    pub(crate) fn left_of_pose(&self, by_pose: &[[f64; 3]; M]) -> Matrix3<f64> {
+        let mut left = Matrix3::identity();
+        for (c, mut column) in left.column_iter_mut().enumerate() {
+            let off = whiten(&self.root, by_pose.map(|row| row[c]));
+            for (moved, off) in self.moves.iter().zip(off) {
+                (0..3).for_each(|r| column[r] -= off * moved[r]);
+            }
+        }
+        left
+    }
+
     /// By how much one of a flaw makes each number off, whitened.
     pub(crate) fn change(&self, flaw: usize) -> [f64; M] {
         std::array::from_fn(|m| -self.moves[m][STATES + flaw])
@@ -235,6 +247,11 @@ impl Belief {
     /// What one of a flaw makes of all that is estimated.
     pub(crate) fn drawn(&self, flaw: usize) -> [f64; STATES] {
         std::array::from_fn(|row| self.covariance[row][STATES + flaw])
+    }
+
+    /// One of a flaw made so much of all that is estimated.
+    pub(crate) fn draw(&mut self, flaw: usize, drawn: &[f64; STATES]) {
+        self.covariance.iter_mut().zip(drawn).for_each(|(row, drawn)| row[STATES + flaw] = *drawn);
     }
 
     /// Nothing is known any more of what flaws make.

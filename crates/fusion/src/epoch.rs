@@ -5,6 +5,7 @@
 mod fading;
 mod flaws;
 mod inertial;
+mod kept;
 mod lags;
 mod lean;
 mod mounted;
@@ -21,6 +22,7 @@ use crate::standing::Standing;
 pub(crate) use fading::Fading;
 pub use flaws::Flaw;
 pub use inertial::Inertia;
+pub use kept::Kept;
 pub use lags::Lag;
 pub use lean::Lean;
 pub(crate) use mounted::Mounted;
@@ -132,6 +134,8 @@ pub struct Knowledge {
     pub inertia: [Inertia; MAX_RATES],
     /// What is known of the flaws of those that tell speeds, and of the clocks of wheels and poses.
     pub flaws: [Flaw; FLAWS],
+    /// What they may have made of the pose since one was taken in.
+    pub kept: Kept,
     /// What gyros that weren't shown right may have made of the pose.
     pub unshown: Unshown,
     /// How those that tell speeds are off as what they tell changes.
@@ -156,6 +160,7 @@ impl Knowledge {
             driven,
             inertia,
             flaws,
+            kept,
             unshown,
             lags,
             leans,
@@ -163,7 +168,7 @@ impl Knowledge {
         (self.standings, self.is_placed, self.doubt) = (*standings, *is_placed, *doubt);
         (self.strained_s, self.shared_s) = (*strained_s, *shared_s);
         (self.twist, self.slow, self.change, self.driven) = (*twist, *slow, *change, *driven);
-        (self.inertia, self.flaws, self.unshown) = (*inertia, *flaws, *unshown);
+        (self.inertia, self.flaws, self.kept, self.unshown) = (*inertia, *flaws, *kept, *unshown);
         (self.lags, self.leans) = (*lags, *leans);
     }
 
@@ -291,6 +296,7 @@ impl Epoch {
         };
         let truly = known.belief.advance(&before.belief, step, &meanwhile);
         let from = before.belief.map_from_body;
+        known.kept.goes_on(from, known.belief.map_from_body);
         self.count_unshown(settings, sensors, from, truly, known);
         known.driven[0] += step.distance_m();
         known.driven[1] += step.angle_rad.abs();
@@ -310,6 +316,9 @@ impl Epoch {
             self.take_pose(sensors, heard, known, truly);
         }
         known.judge_flaws(sensors, self.end_ns);
+        if sensors.iter().any(Mounted::is_pose) {
+            known.keep_by_flaws();
+        }
     }
 }
 

@@ -7,7 +7,7 @@ use nalgebra::SMatrix;
 use omnibase_platform::{BodyStep, CovarianceSettings, Kinematics, Pose2};
 
 use crate::belief::{Belief, OWN, SLIP_TIME_S};
-use crate::epoch::{Epoch, Fading, Flaw, Inertia, Knowledge, Lag, Lean, Mounted, Unshown, rates};
+use crate::epoch::{Epoch, Fading, Flaw, Inertia, Kept, Knowledge, Lag, Lean, Mounted, Unshown, rates};
 use crate::sensor::{MAX_RATES, MAX_SENSORS, Reading, Sensor, SensorKind};
 use crate::standing::{Standing, Verdict};
 
@@ -155,6 +155,7 @@ impl Filter {
             driven: [0.0; 2],
             inertia: [Inertia::default(); MAX_RATES],
             flaws: Flaw::all(&sensors),
+            kept: Kept::default(),
             unshown: Unshown::default(),
             lags: [Lag::default(); MAX_RATES],
             leans: [Lean::default(); MAX_SENSORS],
@@ -185,7 +186,8 @@ impl Filter {
         // What isn't finite any more was no knowledge.
         let mut known = if self.known().belief.is_finite() { *self.known() } else { self.initial };
         known.belief.place(map_from_body, covariance);
-        (known.is_placed, known.doubt, known.unshown) = (is_placed, [0.0; 2], Unshown::default());
+        (known.is_placed, known.doubt) = (is_placed, [0.0; 2]);
+        (known.kept, known.unshown) = (Kept::default(), Unshown::default());
         for standing in &mut known.standings {
             *standing = Standing::default();
         }
@@ -272,7 +274,8 @@ impl Filter {
         let map_from_body = belief.map_from_body.then(ahead);
         let mut covariance = belief.pose_covariance_at(map_from_body, told.log(), time_s);
         let unshown = known.unshown.covariance(&self.settings);
-        for ((covariance, by_flaws), unshown) in covariance.iter_mut().zip(known.by_flaws()).zip(unshown) {
+        for ((covariance, by_flaws), unshown) in covariance.iter_mut().zip(known.made_by_flaws()).zip(unshown)
+        {
             *covariance += by_flaws + unshown;
         }
         let [doubt_m, doubt_rad] = known.doubts();

@@ -11,9 +11,11 @@
 //! what is seen about as well, no sensor is named, nor where two sensors explain it alike. In even motion
 //! nothing tells of clocks, and at rest nothing of shares.
 
+use nalgebra::{Matrix3, Vector3};
+
 use super::lags::sees;
 use super::{Fading, Knowledge, Mounted, rates};
-use crate::belief::{Change, FLAWS, Innovation, WHEELS};
+use crate::belief::{Change, FLAWS, Innovation, STATES, WHEELS};
 use crate::standing::Verdict;
 
 /// By so much clocks are off, where they are, s; what is told too little, where it is, as a share; and clocks of poses. As weights.
@@ -145,6 +147,12 @@ fn told<const M: usize>(flaw: usize, innovation: &Innovation<M>) -> Told {
     }
 }
 
+/// What something of such a variance makes of the pose along this.
+fn of_pose(&[x, y, turn, ..]: &[f64; STATES], variance: f64) -> Matrix3<f64> {
+    let pose = Vector3::new(x, y, turn);
+    pose * pose.transpose() * variance
+}
+
 impl Knowledge {
     /// What is known of a sensor's clock: how much too early its instants are, and the standard deviation of that, s.
     pub(crate) fn clock_s(&self, sensor: &Mounted) -> [f64; 2] {
@@ -158,20 +166,30 @@ impl Knowledge {
         share.size().abs().max(share.variance().sqrt()) < SHOWN
     }
 
-    /// What flaws that there seem to be may have made of the pose: its covariance, xx, xy, xψ, yy, yψ, ψψ.
-    pub(crate) fn by_flaws(&self) -> [f64; 6] {
-        let mut sum = [0.0; 6];
+    /// What flaws that there seem to be may have made of the pose: its covariance, x, y and heading in map.
+    fn by_flaws(&self) -> Matrix3<f64> {
+        let mut sum = Matrix3::zeros();
         for (place, flaw) in self.flaws.iter().enumerate() {
             if !(flaw.is_followed && flaw.explains() > SEEMS && flaw.is_possible()) {
                 continue;
             }
-            let [x, y, turn, ..] = self.belief.drawn(place);
             let off2 = flaw.size().powi(2) + flaw.variance();
-            for (sum, product) in sum.iter_mut().zip([x * x, x * y, x * turn, y * y, y * turn, turn * turn]) {
-                *sum += off2 * product;
-            }
+            sum += of_pose(&self.belief.drawn(place), off2);
         }
         sum
+    }
+
+    /// That, and what was kept of it.
+    pub(crate) fn made_by_flaws(&self) -> [f64; 6] {
+        let mut all = self.kept;
+        all.is_at_least(&self.by_flaws());
+        all.covariance()
+    }
+
+    /// What they may have made stays, until a pose takes it away.
+    pub(super) fn keep_by_flaws(&mut self) {
+        let by_flaws = self.by_flaws();
+        self.kept.is_at_least(&by_flaws);
     }
 
     /// Time passes. The share of each that is left.
@@ -245,14 +263,20 @@ impl Knowledge {
             let off = flaw.size();
             let mut left = flaw.variance();
             let drawn = self.belief.drawn(at);
-            if agrees(&|other, sensor| other != place && sensor.is_pose()) {
+            let is_undone = agrees(&|other, sensor| other != place && sensor.is_pose());
+            if is_undone {
                 self.belief.shift(&drawn.map(|drawn| -off * drawn));
             } else {
                 // Nobody would see it if that were wrong.
                 left += off * off;
             }
             self.belief.widen_along(&drawn, left);
+            self.kept.is_counted(&of_pose(&drawn, left));
             self.belief.forget_flaws();
+            if !is_undone {
+                // It is in there yet: else it would agree with itself by and by.
+                self.belief.draw(at, &drawn);
+            }
             self.flaws = Flaw::all(sensors);
             self.flaws[at] = flaw;
             self.standings[place].name(end_ns, Verdict::Contradicts);

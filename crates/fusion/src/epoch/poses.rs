@@ -3,8 +3,9 @@
 use nalgebra::Matrix3;
 use omnibase_platform::{BodyStep, Pose2, wrap_angle_rad};
 
+use super::kept::symmetric;
 use super::lean::{OF_POSES_S, share_of};
-use super::{ARM_M, Epoch, GATES, Heard, Knowledge, Mounted, REPEATS_SIGMAS, Unshown};
+use super::{ARM_M, Epoch, GATES, Heard, Kept, Knowledge, Mounted, REPEATS_SIGMAS, Unshown};
 use crate::belief::{Belief, OWN, Row, Rows, SLIP};
 use crate::sensor::Sensor;
 use crate::standing::Verdict;
@@ -44,26 +45,23 @@ impl Epoch {
         if !known.is_placed {
             let then = heard.map_from_sensor.then(sensor.body_from_sensor.inverse());
             known.belief.place(then.then(back.inverse()), place_noise(&noise, sensor));
-            known.is_placed = true;
+            (known.is_placed, known.kept) = (true, Kept::default());
             known.standings[heard.sensor].trust(heard.instant_ns);
             return;
         }
         let expected = known.belief.map_from_body.then(back).then(sensor.body_from_sensor);
         let changes = [(mounted.clock, speed_of(sensor, known))];
+        let body = known.belief.map_from_body;
+        let by_pose =
+            [[1.0, 0.0, body.y_m - expected.y_m], [0.0, 1.0, expected.x_m - body.x_m], [0.0, 0.0, 1.0]];
         let compare = |belief: &Belief| {
-            let body = belief.map_from_body;
             let said = heard.map_from_sensor;
             let difference = [
                 said.x_m - expected.x_m,
                 said.y_m - expected.y_m,
                 wrap_angle_rad(said.heading_rad - expected.heading_rad),
             ];
-            let on = |pose| Row { pose, ..Row::default() };
-            let rows = [
-                on([1.0, 0.0, body.y_m - expected.y_m]),
-                on([0.0, 1.0, expected.x_m - body.x_m]),
-                on([0.0, 0.0, 1.0]),
-            ];
+            let rows = by_pose.map(|pose| Row { pose, ..Row::default() });
             let rows = Rows { rows, by_wheels: [0.0; 3], own: OWN };
             (belief.innovation::<3>(difference, &rows, &noise, &changes), difference)
         };
@@ -108,7 +106,9 @@ impl Epoch {
             known.standings[heard.sensor].doubted = leans;
             known.doubt = [0.0; 2];
             known.unshown = Unshown::default();
+            known.kept.becomes(&innovation.left_of_pose(&by_pose));
             known.take_in(&innovation, &changes, true);
+            known.kept.is_counted(&symmetric(known.belief.pose_covariance()));
             return;
         }
         known.leave_out(&[mounted.clock], &innovation);
@@ -174,7 +174,7 @@ impl Epoch {
                     let then = heard.map_from_sensor.then(sensor.body_from_sensor.inverse());
                     let noise = noise_of(sensor, heard);
                     known.belief.place(then.then(back.inverse()), place_noise(&noise, sensor));
-                    (known.doubt, known.unshown) = ([0.0; 2], Unshown::default());
+                    (known.doubt, known.kept, known.unshown) = Default::default();
                     known.standings.iter_mut().for_each(|standing| standing.doubted = [0.0; 2]);
                     known.standings[heard.sensor].trust(heard.instant_ns);
                 }

@@ -4,11 +4,9 @@ use omnibase_fusion::{Filter, Motion, Reading, Sensor, SensorKind, Verdict};
 
 use omnibase_platform::BodyStep;
 
-use crate::faulty::{
-    DriveProfile, Fault, Outcome, THREE_SIGMA, camera, companies, drive, drive_for, every, imu,
-};
+use crate::faulty::{DriveProfile, Fault, Outcome, THREE_SIGMA, companies, drive, drive_for, every};
 use crate::lively::Lively;
-use crate::world::{World, gyro, mouse, nees, settings, tracker};
+use crate::world::{World, camera, gyro, imu, mouse, nees, settings, tracker};
 
 /// How long after the clock of one was off it was named, s; and whoever else was.
 fn named(

@@ -4,7 +4,7 @@ use omnibase_fusion::{Filter, Reading, Sensor, SensorKind, Verdict};
 use omnibase_platform::{Pose2, Twist2};
 
 use crate::followed::{eight, is_lost, wheels};
-use crate::world::{World, error, gyro, mouse, nees, settings, tracker};
+use crate::world::{World, camera, error, gyro, imu, mouse, nees, settings, tracker};
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Fault {
@@ -22,14 +22,6 @@ pub enum Fault {
 
 pub const FAULTS: [Fault; 7] =
     [Fault::Dead, Fault::Frozen, Fault::Jumping, Fault::Biased, Fault::Reversed, Fault::Early, Fault::Late];
-
-pub fn imu() -> Sensor {
-    Sensor { kind: SensorKind::Inertial, sigma: [3e-3, 0.05, 0.05], ..gyro() }
-}
-
-pub fn camera() -> Sensor {
-    Sensor { kind: SensorKind::Twist, sigma: [0.02, 0.02, 5e-3], ..mouse(0.1, 0.2) }
-}
 
 /// Companies of sensors; the first one fails.
 pub fn companies() -> Vec<(&'static str, Vec<Sensor>)> {

@@ -2,9 +2,8 @@
 
 use omnibase_fusion::{Filter, Sensor};
 
-use crate::faulty::imu;
 use crate::lively::Lively;
-use crate::world::{error, settings};
+use crate::world::{error, imu, settings};
 
 /// True from believed place, its greatest part of its standard deviation, and all that was believed, by its bits.
 fn driven(sensor: Sensor, seed: u64, slip: Option<(f64, [f64; 2])>) -> (f64, f64, Vec<u64>) {

@@ -1,5 +1,7 @@
 //! The filter against worlds of its own model: order, consistency, faults.
 
+mod against_gtsam;
+mod batch;
 mod clocks;
 mod consistency;
 mod counts;
@@ -10,6 +12,8 @@ mod held;
 mod inertial;
 mod lively;
 mod order;
+#[path = "../../../omnibase/tests/python_tools/mod.rs"]
+mod python_tools;
 mod silence;
 #[path = "../../../host/src/skipped.rs"]
 mod skipped;

@@ -1,9 +1,10 @@
 //! A tracker that was silent while wheels went wrong by more than their tolerances say.
 
-use omnibase_fusion::{Filter, Reading, Verdict};
+use omnibase_fusion::{Filter, Reading, Sensor, Verdict};
 use omnibase_platform::{BodyStep, Pose2, Twist2};
 
-use crate::world::{PERIOD_NS, World, error, gyro, settings, tracker};
+use crate::faulty::every;
+use crate::world::{PERIOD_NS, World, error, gyro, mouse, settings, tracker};
 
 /// What was seen after the tracker spoke again.
 struct Returned {
@@ -123,6 +124,88 @@ fn one_that_froze_is_not_believed_because_torque_is_off_until_it_says_something_
     }
     let returned_s = returned_s.expect("it lives again");
     assert!((0.0..1.2).contains(&returned_s), "{returned_s} s after it lived again");
+}
+
+/// What was told after poses fell silent.
+#[derive(Debug)]
+struct Unheard {
+    /// Variances of x and y at the last look, and in the end, m².
+    variances_m2: [[f64; 2]; 2],
+    /// The least share of a variance that was left from one cycle to the next.
+    least_left: f64,
+    /// How far the truth was at most, in standard deviations of x and y.
+    sigmas: f64,
+}
+
+/// Forth along x, slower and faster, with poses whose clock is off by so much; then nobody hears any, and it stops, and stands for long.
+fn falls_silent(sensors: &[Sensor], early_ms: i64, seed: u64) -> Unheard {
+    let mut world = World::new(seed, sensors);
+    let mut filter = Filter::new(settings(), sensors);
+    let mut kept = std::collections::VecDeque::new();
+    let mut seen = Unheard { variances_m2: [[0.0; 2]; 2], least_left: 1.0, sigmas: 0.0 };
+    for cycle in 0..28_000_u64 {
+        let time_s = 1e-3 * cycle as f64;
+        // It stops within half a second.
+        let stops = (1.0 - 2.0 * (time_s - 8.0)).clamp(0.0, 1.0);
+        let speed_m_s = stops * time_s.min(1.0) * (0.4 + 0.1 * (1.5 * time_s).sin());
+        let motion = world.drive(Twist2::new(speed_m_s, 0.0, 0.0));
+        filter.advance(world.now_ns, &motion);
+        let is_silent = cycle >= 8000;
+        for (place, sensor) in sensors.iter().enumerate() {
+            if !cycle.is_multiple_of(every(sensor)) {
+                continue;
+            }
+            let reading = world.read(place);
+            if place > 0 {
+                filter.hear(place, world.now_ns, &reading);
+                continue;
+            }
+            kept.push_back((world.now_ns, reading));
+            if kept.len() > 10 {
+                let (instant_ns, reading) = kept.pop_front().expect("a reading");
+                if !is_silent {
+                    filter.hear(0, instant_ns.saturating_add_signed(-early_ms * 1_000_000), &reading);
+                }
+            }
+        }
+        if !is_silent || !filter.is_settled() {
+            continue;
+        }
+        let covariance = filter.estimate().covariance;
+        let now_m2 = [covariance[0], covariance[3]];
+        if seen.variances_m2[0] == [0.0; 2] {
+            seen.variances_m2 = [now_m2; 2];
+        }
+        for ((now, before), off) in now_m2.iter().zip(seen.variances_m2[1]).zip(error(&filter, world.truth)) {
+            seen.least_left = seen.least_left.min(now / before);
+            seen.sigmas = seen.sigmas.max(off.abs() / now.sqrt());
+        }
+        seen.variances_m2[1] = now_m2;
+    }
+    seen
+}
+
+#[test]
+fn the_pose_is_never_told_surer_than_at_the_last_look_while_no_pose_is_heard() {
+    for beside in [&[][..], &[gyro()], &[gyro(), mouse(0.2, 0.1), mouse(-0.2, 0.1)]] {
+        let sensors = [&[tracker()], beside].concat();
+        for early_ms in [0, 15, 50, -15, -50, 90] {
+            for seed in 0..4 {
+                let seen = falls_silent(&sensors, early_ms, seed);
+                let [last, end] = seen.variances_m2.map(|all| all.map(|variance| 1e3 * variance.sqrt()));
+                let what = format!("beside {}, {early_ms} ms, {seed}", beside.len());
+                println!(
+                    "{what}: {last:.2?} mm, then {end:.2?}, least left {:.6}, within {:.2} sigma",
+                    seen.least_left, seen.sigmas
+                );
+                // Mice tell a little of the way that was just driven.
+                let least = if beside.is_empty() { 1.0 - 1e-9 } else { 1.0 - 1e-3 };
+                assert!(seen.least_left > least, "{what}: {} is left", seen.least_left);
+                assert!((0..2).all(|axis| end[axis] >= last[axis]), "{what}: {last:?}, then {end:?}");
+                assert!(seen.sigmas < 3.5, "{what}: {} sigma", seen.sigmas);
+            }
+        }
+    }
 }
 
 /// What is 500 ms late but steady isn't silent; who never spoke is.

@@ -80,6 +80,14 @@ pub fn tracker() -> Sensor {
     }
 }
 
+pub fn imu() -> Sensor {
+    Sensor { kind: SensorKind::Inertial, sigma: [3e-3, 0.05, 0.05], ..gyro() }
+}
+
+pub fn camera() -> Sensor {
+    Sensor { kind: SensorKind::Twist, sigma: [0.02, 0.02, 5e-3], ..mouse(0.1, 0.2) }
+}
+
 /// A platform whose wheels and sensors err as their settings say.
 pub struct World {
     pub chance: Chance,

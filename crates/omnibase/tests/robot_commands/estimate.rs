@@ -1,7 +1,14 @@
-//! `omnibase estimate`: the filter on a recording and on a table of text, and what it says of wrong input.
+//! `omnibase estimate`: the filter on a recording and on a table of text, its errors as `evo` computes them, and what it says of
+//! wrong input.
 
 use crate::command_line::{Folder, omnibase, root, words};
+use crate::python_tools::{python, successful};
 use serde_json::Value;
+use std::path::Path;
+use std::process::Command;
+
+/// The version that the test was written with; of numpy any does, as the Python at hand takes it.
+const EVO: [&str; 2] = ["evo==1.38.0", "numpy"];
 
 #[test]
 fn a_recording_is_estimated_with_and_without_poses() {
@@ -30,6 +37,37 @@ fn a_recording_is_estimated_with_and_without_poses() {
     for name in ["truth", "wheels", "fused"] {
         let text = std::fs::read_to_string(format!("{tum}/{name}.tum")).unwrap();
         assert!(text.lines().count() > 1000 && text.lines().all(|line| line.split(' ').count() == 8));
+    }
+}
+
+/// Files of text hold nanometres; evo takes the mean of what it read.
+#[test]
+fn errors_are_those_that_evo_computes() {
+    let Some(python) = python("python-evo", &EVO, "import evo.core.metrics") else { return };
+    let folder = Folder::new("against-evo");
+    let (run, tum) = (folder.path("run.mcap"), folder.path("tum"));
+    let recorded =
+        omnibase(&["run", "robots/bmm_tracked.toml", "--path", "robots/square.dat", "--record", &run]);
+    assert!(recorded.status.success(), "{}", words(&recorded.stderr));
+    for truth in ["simulator", "source:tracker"] {
+        let of = ["estimate", "robots/bmm_tracked.toml", &run, "--truth", truth, "--poses", "20"];
+        let output = omnibase(&[&of[..], &["--json", "--tum", &tum]].concat());
+        assert!(output.status.success(), "{truth}: {}", words(&output.stderr));
+        let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/trajectory_errors.py");
+        // It keeps settings in its home.
+        let evo = successful(Command::new(&python).env("HOME", folder.path("")).arg(script).arg(&tum));
+        let evo: Value = serde_json::from_slice(&evo.unwrap()).unwrap();
+        println!("{truth}: {told}, evo {evo}");
+        assert_eq!(told["poses"], evo["fused"]["poses"], "{truth}");
+        for trajectory in ["wheels", "fused"] {
+            for (error, within) in [("absolute_m", 1e-8), ("relative_m", 1e-8), ("relative_rad", 1e-8)] {
+                let [ours, theirs] =
+                    [&told, &evo].map(|all| all[trajectory][error].as_f64().expect("a number"));
+                assert!((ours - theirs).abs() < within, "{truth}, {trajectory}, {error}: {ours}, {theirs}");
+                assert!(theirs > 1e-6, "{truth}, {trajectory}, {error}: {theirs} is an error");
+            }
+        }
     }
 }
 
