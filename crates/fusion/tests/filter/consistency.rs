@@ -1,17 +1,30 @@
-//! The error is as great as the covariance says: NEES over many worlds.
+//! The error is as great as the covariance says, and readings are off by as much as expected: NEES and NIS over many worlds.
 
 use omnibase_fusion::{Filter, Reading, Sensor, Verdict};
 
-use crate::world::{PERIOD_NS, World, error, gyro, mouse, nees, settings, tracker};
+use crate::world::{PERIOD_NS, World, camera, error, gyro, imu, mouse, nees, settings, tracker};
 
-/// Mean NEES over degrees of freedom at the end of some seconds, and the RMS of the position's error, m.
-fn mean(sensors: &[(Sensor, u64)], seeds: u64, seconds: u64) -> (f64, f64) {
-    let (mut sum, mut squares) = (0.0, 0.0);
+/// Milliseconds between looks at what readings are off.
+const BETWEEN_MS: u64 = 40;
+
+/// Means over worlds of some seconds.
+struct Means {
+    /// NEES over degrees of freedom at the end.
+    nees: f64,
+    /// NIS over degrees of freedom in all looks, sensor by sensor.
+    nis: Vec<f64>,
+    /// RMS of the position's error at the end, m.
+    rms_m: f64,
+}
+
+fn mean(sensors: &[(Sensor, u64)], seeds: u64, seconds: u64) -> Means {
+    let (mut sum, mut squares, mut nis) = (0.0, 0.0, vec![0.0; sensors.len()]);
+    let looks = (seeds * seconds * 1000 / BETWEEN_MS) as f64;
     let all: Vec<Sensor> = sensors.iter().map(|(sensor, _)| *sensor).collect();
     for seed in 0..seeds {
         let mut world = World::new(seed, &all);
         let mut filter = Filter::new(settings(), &all);
-        for _ in 0..seconds * 1000 {
+        for cycle in 0..seconds * 1000 {
             let motion = world.step();
             filter.advance(world.now_ns, &motion);
             for (sensor, (_, every)) in sensors.iter().enumerate() {
@@ -19,30 +32,42 @@ fn mean(sensors: &[(Sensor, u64)], seeds: u64, seconds: u64) -> (f64, f64) {
                     let reading = world.read(sensor);
                     filter.hear(sensor, world.now_ns, &reading);
                 }
+                if cycle.is_multiple_of(BETWEEN_MS) {
+                    nis[sensor] += filter.verdict(sensor).1 / looks;
+                }
             }
         }
         sum += nees(&filter, world.truth);
         let [x, y, _] = error(&filter, world.truth);
         squares += x * x + y * y;
     }
-    (sum / seeds as f64, (squares / seeds as f64).sqrt())
+    let of_worlds = |sum: f64| sum / seeds as f64;
+    Means { nees: of_worlds(sum), nis, rms_m: of_worlds(squares).sqrt() }
 }
 
 #[test]
 fn errors_are_as_great_as_their_covariance_says_with_each_set_of_sensors() {
-    let sets: [(&str, &[(Sensor, u64)]); 4] = [
+    let [left, right] = [(mouse(0.2, 0.1), 8), (mouse(-0.2, 0.1), 8)];
+    let [turn, felt, seen, placed] = [(gyro(), 1), (imu(), 1), (camera(), 20), (tracker(), 10)];
+    let sets: [(&str, &[(Sensor, u64)]); 9] = [
         ("wheels", &[]),
-        ("gyro", &[(gyro(), 1)]),
-        ("gyro and mice", &[(gyro(), 1), (mouse(0.2, 0.1), 8), (mouse(-0.2, 0.1), 8)]),
-        ("all", &[(gyro(), 1), (mouse(0.2, 0.1), 8), (mouse(-0.2, 0.1), 8), (tracker(), 10)]),
+        ("gyro", &[turn]),
+        ("imu", &[felt]),
+        ("twist", &[seen]),
+        ("two mice", &[left, right]),
+        ("gyro and mice", &[turn, left, right]),
+        ("poses", &[placed]),
+        ("imu, twist and poses", &[felt, seen, placed]),
+        ("all", &[turn, left, right, placed]),
     ];
     let seeds = 120;
     // 95 % of the mean of chi² with three degrees of freedom each, over three: 1 ± 1.96·√(2/3/seeds).
     let band = 1.96 * (2.0 / 3.0 / seeds as f64).sqrt();
     for (name, sensors) in sets {
-        let (nees, rms_m) = mean(sensors, seeds, 8);
-        println!("{name}: NEES {nees:.3}, RMS {:.2} mm", 1e3 * rms_m);
+        let Means { nees, nis, rms_m } = mean(sensors, seeds, 8);
+        println!("{name}: NEES {nees:.3}, NIS {nis:.3?}, RMS {:.2} mm", 1e3 * rms_m);
         assert!((nees - 1.0).abs() < band, "{name}: {nees}, expected 1 within {band}");
+        assert!(nis.iter().all(|nis| (nis - 1.0).abs() < 0.03), "{name}: {nis:?}, expected 1 within 0.03");
     }
 }
 

@@ -208,6 +208,48 @@ fn the_pose_is_never_told_surer_than_at_the_last_look_while_no_pose_is_heard() {
     }
 }
 
+/// It turns, with poses whose clock is off by so much, rests in silence until that is forgotten, and drives four metres. Variances of
+/// the place and of the heading at the last look, before it drives, and at the end, m² and rad².
+fn turns_and_drives(early_ms: u64) -> [[f64; 2]; 3] {
+    let sensors = [tracker()];
+    let mut world = World::new(3, &sensors);
+    let mut filter = Filter::new(settings(), &sensors);
+    let variances = |filter: &Filter| {
+        let [xx, .., yy, _, hh] = filter.estimate().covariance;
+        [xx + yy, hh]
+    };
+    let mut seen = [[0.0; 2]; 3];
+    for cycle in 0..58_000_u64 {
+        let time_s = 1e-3 * cycle as f64;
+        let twist = match cycle {
+            ..8000 => Twist2::new(0.0, 0.0, time_s.min(1.0) * (0.6 + 0.2 * (1.5 * time_s).sin())),
+            ..50_000 => Twist2::default(),
+            _ => Twist2::new(0.5, 0.0, 0.0),
+        };
+        let motion = world.drive(twist);
+        filter.advance(world.now_ns, &motion);
+        if cycle < 8000 && cycle.is_multiple_of(10) {
+            let reading = world.read(0);
+            filter.hear(0, world.now_ns - 1_000_000 * early_ms, &reading);
+            seen[0] = variances(&filter);
+        } else if cycle == 50_000 {
+            seen[1] = variances(&filter);
+        }
+    }
+    seen[2] = variances(&filter);
+    seen
+}
+
+#[test]
+fn a_heading_that_a_clock_made_wrong_sweeps_the_place_along_the_way() {
+    let [sound, off] = [0, 15].map(turns_and_drives);
+    let told = |all: [[f64; 2]; 3]| all.map(|variances| variances.map(|variance| 1e3 * variance.sqrt()));
+    println!("mm and mrad: {:.2?}, of a clock that is right {:.2?}", told(off), told(sound));
+    assert!(off[0][1] > 5e-3_f64.powi(2) && off[1][1] >= off[0][1] && off[2][1] >= off[1][1], "{off:?}");
+    let (swept_m2, expected_m2) = (off[2][0] - sound[2][0], 16.0 * (off[1][1] - sound[1][1]));
+    assert!((swept_m2 / expected_m2 - 1.0).abs() < 0.02, "{swept_m2}, expected {expected_m2}");
+}
+
 /// What is 500 ms late but steady isn't silent; who never spoke is.
 #[test]
 fn silence_is_what_does_not_arrive() {
