@@ -9,6 +9,8 @@ use omnibase_platform::Pose2;
 
 /// Below this nothing is left, m² and rad².
 const NOTHING: f64 = 1e-18;
+/// A matrix of three rows has its axes within a few rounds; what isn't finite never has.
+const MOST_ROUNDS: usize = 100;
 
 /// Its covariance, x, y and heading in map.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -63,9 +65,13 @@ pub(super) fn symmetric([xx, xy, xh, yy, yh, hh]: [f64; 6]) -> Matrix3<f64> {
     Matrix3::new(xx, xy, xh, xy, yy, yh, xh, yh, hh)
 }
 
-/// What of a symmetric matrix is more than nothing, along its own axes.
+/// What of a symmetric matrix is more than nothing, along its own axes; what isn't finite stays as it is.
 fn positive(matrix: Matrix3<f64>) -> Matrix3<f64> {
-    let SymmetricEigen { eigenvectors, eigenvalues } = matrix.symmetric_eigen();
+    let Some(SymmetricEigen { eigenvectors, eigenvalues }) =
+        SymmetricEigen::try_new(matrix, f64::EPSILON, MOST_ROUNDS)
+    else {
+        return matrix;
+    };
     let axes = eigenvectors.column_iter().zip(&eigenvalues);
     axes.map(|(axis, value)| axis * axis.transpose() * value.max(0.0)).sum()
 }
@@ -92,6 +98,15 @@ mod tests {
         let again = kept;
         kept.is_at_least(&(all[0] * all[0].transpose()));
         assert!((kept.0 - again.0).norm() < 1e-15, "the same again makes nothing of it");
+    }
+
+    #[test]
+    fn what_is_not_finite_ends_too() {
+        for odd in [f64::NAN, f64::INFINITY] {
+            let mut kept = Kept::default();
+            kept.is_at_least(&Matrix3::from_diagonal(&[1e-4, odd, 1e-4].into()));
+            assert!(kept.covariance().iter().any(|value| !value.is_finite()), "{odd}: {}", kept.0);
+        }
     }
 
     #[test]
