@@ -49,6 +49,8 @@ pub(crate) struct Facts<'a> {
     body: BodyFacts,
     wheels: Vec<WheelFacts<'a>>,
     devices: Vec<DeviceFacts<'a>>,
+    /// What tells the estimator of the place beside the wheels.
+    sensors: Vec<SensorFacts<'a>>,
     limits: LimitFacts,
     controllers: Vec<&'a str>,
     footprint: &'a [[f64; 2]],
@@ -88,6 +90,14 @@ struct DeviceFacts<'a> {
     outputs: Vec<OutputFacts>,
     /// The axis that its drive moves.
     axis: Option<AxisFacts<'a>>,
+}
+
+#[derive(Serialize, JsonSchema)]
+struct SensorFacts<'a> {
+    /// Its verdict and chi² are the columns sensor/NAME_verdict and sensor/NAME_nis.
+    name: &'a str,
+    /// chi² of a reading over its degrees of freedom, beyond which it is left out.
+    gate: f64,
 }
 
 #[derive(Serialize, JsonSchema)]
@@ -174,6 +184,11 @@ impl RobotInfo {
                 })
                 .collect(),
             devices: plan.devices.iter().map(DeviceFacts::of).collect(),
+            sensors: plan
+                .sensors
+                .iter()
+                .map(|sensor| SensorFacts { name: &sensor.name, gate: sensor.gate() })
+                .collect(),
             limits: LimitFacts {
                 speed_m_s: plan.limits.speed_m_s,
                 turn_speed_rad_s: plan.limits.turn_speed_rad_s,

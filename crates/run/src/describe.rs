@@ -49,8 +49,7 @@ pub fn description(robot: &LoadedRobot, registry: &Registry) -> BTreeMap<String,
         tell("obstacles_m", plan.guard.obstacles.iter().map(circle).collect::<Vec<_>>().join("; "));
     }
     if !plan.sensors.is_empty() {
-        let gate =
-            |sensor: &SensorPlan| format!("{} {}", sensor.name, omnibase_fusion::gate(sensor.sensor.kind));
+        let gate = |sensor: &SensorPlan| format!("{} {}", sensor.name, sensor.gate());
         tell("sensor_gates", plan.sensors.iter().map(gate).collect::<Vec<_>>().join("; "));
     }
     all

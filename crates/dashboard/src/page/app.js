@@ -401,11 +401,17 @@ function floor() {
   return share < 1 ? `${found}, accelerates by ${(100 * share).toFixed(0)} %` : found;
 }
 
-// Each sensor, whether it is believed and by how many sigmas its last reading was off; how well the place is known, three
-// standard deviations; how far odom is from map; and how old what each source said is.
+// Each sensor, whether it is believed, and by how many sigmas its last reading was off of those beyond which it is left out;
+// how well the place is known, three standard deviations; how far odom is from map; and how old what each source said is.
 const VERDICTS = ["awaited", "good", "silent", "frozen", "contradicts"];
+const GOOD = 1;
+function sensor({ name, gate }) {
+  const verdict = value(`sensor/${name}_verdict`), off = Math.max(value(`sensor/${name}_nis`) ?? 0, 0);
+  const left = verdict === GOOD && off > gate ? ", left out" : "";
+  return [name, `${VERDICTS[verdict] ?? "–"}${left}, ${Math.sqrt(off).toFixed(1)} of ${Math.sqrt(gate).toFixed(1)} σ`];
+}
+
 function sensors() {
-  const names = [...columns.keys()].filter((name) => name.startsWith("sensor/") && name.endsWith("_verdict"));
   const heard = [...columns.keys()].filter((name) => name.endsWith("/instant_ns")).map((name, n) => {
     const source = name.slice(0, -11), age = value(`${source}/age_s`), counts = last.sources[n];
     const left = counts ? counts.late + counts.out_of_order : 0;
@@ -413,16 +419,12 @@ function sensors() {
     return `${source} ${old}${left ? `, ${left} refused` : ""}`;
   });
   const sources = heard.length ? [["sources", heard.join(", ")]] : [];
-  if (!names.length) return sources;
-  const all = names.map((name) => {
-    const off = Math.sqrt(Math.max(value(name.replace("_verdict", "_nis")) ?? 0, 0));
-    return `${name.slice(7, -8)} ${VERDICTS[value(name)] ?? "–"} ${off.toFixed(1)} σ`;
-  });
+  if (!facts.sensors.length) return sources;
   const sigma = (...axes) => Math.sqrt(Math.max(...axes.map((axis) => value(`state/covariance_${axis}`) ?? 0)));
   const map = pose("map"), odom = pose("state");
   const apart = map && odom && Math.hypot(map[0] - odom[0], map[1] - odom[1]);
   return [
-    ["sensors", all.join(", ")],
+    ...facts.sensors.map(sensor),
     ["3 σ", `${(3000 * sigma("xx_m2", "yy_m2")).toFixed(1)} mm, ${(3000 * sigma("hh_rad2")).toFixed(1)} mrad`],
     ["odom from map", apart === null || apart === undefined ? "–" : `${(1000 * apart).toFixed(1)} mm`],
     ...sources,

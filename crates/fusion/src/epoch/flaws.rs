@@ -79,6 +79,8 @@ pub struct Flaw {
     gripping: Told,
     /// There is such a sensor, and it spoke.
     is_followed: bool,
+    /// What it made is in the belief's covariance: its sensor was named, and isn't believed since.
+    is_counted: bool,
 }
 
 impl Flaw {
@@ -170,7 +172,8 @@ impl Knowledge {
     fn by_flaws(&self) -> Matrix3<f64> {
         let mut sum = Matrix3::zeros();
         for (place, flaw) in self.flaws.iter().enumerate() {
-            if !(flaw.is_followed && flaw.explains() > SEEMS && flaw.is_possible()) {
+            let seems = flaw.is_followed && flaw.explains() > SEEMS && flaw.is_possible();
+            if !seems || flaw.is_counted {
                 continue;
             }
             let off2 = flaw.size().powi(2) + flaw.variance();
@@ -238,6 +241,9 @@ impl Knowledge {
         let of_poses = (0..sensors.len()).filter(|place| sensors[*place].is_pose());
         for place in of_rates.chain(of_poses) {
             let (sensor, standing) = (&sensors[place], &self.standings[place]);
+            if standing.is_believed() {
+                [sensor.clock, sensor.share].into_iter().for_each(|own| self.flaws[own].is_counted = false);
+            }
             if !standing.is_new() {
                 continue;
             }
@@ -278,7 +284,7 @@ impl Knowledge {
                 self.belief.draw(at, &drawn);
             }
             self.flaws = Flaw::all(sensors);
-            self.flaws[at] = flaw;
+            self.flaws[at] = Flaw { is_counted: !is_undone, ..flaw };
             self.standings[place].name(end_ns, Verdict::Contradicts);
         }
     }

@@ -12,6 +12,7 @@ mod reach;
 mod robot;
 mod screen;
 mod seat;
+mod sensors;
 mod shapes;
 mod socket;
 mod sources;

@@ -105,6 +105,13 @@ pub struct SensorPlan {
     pub sensor: Sensor,
 }
 
+impl SensorPlan {
+    /// chi² of a reading over its degrees of freedom, beyond which it is left out.
+    pub fn gate(&self) -> f64 {
+        omnibase_fusion::gate(self.sensor.kind)
+    }
+}
+
 /// Who has inputs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum InputOwner {
