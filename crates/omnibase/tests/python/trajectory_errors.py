@@ -18,7 +18,7 @@ def errors(folder, name):
 
     def pair():
         truth = read_tum_trajectory_file(f"{folder}/truth.tum")
-        return sync.associate_trajectories(truth, read_tum_trajectory_file(f"{folder}/{name}.tum"), 0.01)
+        return sync.associate_trajectories(truth, read_tum_trajectory_file(f"{folder}/{name}.tum"), max_diff=0.01)
 
     truth, believed = pair()
     believed.align(truth)

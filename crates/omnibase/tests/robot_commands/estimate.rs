@@ -49,24 +49,21 @@ fn errors_are_those_that_evo_computes() {
     let recorded =
         omnibase(&["run", "robots/bmm_tracked.toml", "--path", "robots/square.dat", "--record", &run]);
     assert!(recorded.status.success(), "{}", words(&recorded.stderr));
-    for truth in ["simulator", "source:tracker"] {
-        let of = ["estimate", "robots/bmm_tracked.toml", &run, "--truth", truth, "--poses", "20"];
-        let output = omnibase(&[&of[..], &["--json", "--tum", &tum]].concat());
-        assert!(output.status.success(), "{truth}: {}", words(&output.stderr));
-        let told: Value = serde_json::from_slice(&output.stdout).unwrap();
-        let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/trajectory_errors.py");
-        // It keeps settings in its home.
-        let evo = successful(Command::new(&python).env("HOME", folder.path("")).arg(script).arg(&tum));
-        let evo: Value = serde_json::from_slice(&evo.unwrap()).unwrap();
-        println!("{truth}: {told}, evo {evo}");
-        assert_eq!(told["poses"], evo["fused"]["poses"], "{truth}");
-        for trajectory in ["wheels", "fused"] {
-            for (error, within) in [("absolute_m", 1e-8), ("relative_m", 1e-8), ("relative_rad", 1e-8)] {
-                let [ours, theirs] =
-                    [&told, &evo].map(|all| all[trajectory][error].as_f64().expect("a number"));
-                assert!((ours - theirs).abs() < within, "{truth}, {trajectory}, {error}: {ours}, {theirs}");
-                assert!(theirs > 1e-6, "{truth}, {trajectory}, {error}: {theirs} is an error");
-            }
+    let of = ["estimate", "robots/bmm_tracked.toml", &run, "--truth", "source:tracker", "--poses", "20"];
+    let output = omnibase(&[&of[..], &["--json", "--tum", &tum]].concat());
+    assert!(output.status.success(), "{}", words(&output.stderr));
+    let told: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/python/trajectory_errors.py");
+    // It keeps settings in its home.
+    let evo = successful(Command::new(&python).env("HOME", folder.path("")).arg(script).arg(&tum));
+    let evo: Value = serde_json::from_slice(&evo.unwrap()).unwrap();
+    println!("{told}, evo {evo}");
+    assert_eq!(told["poses"], evo["fused"]["poses"]);
+    for trajectory in ["wheels", "fused"] {
+        for error in ["absolute_m", "relative_m", "relative_rad"] {
+            let [ours, theirs] = [&told, &evo].map(|all| all[trajectory][error].as_f64().expect("a number"));
+            assert!((ours - theirs).abs() < 1e-8, "{trajectory}, {error}: {ours}, {theirs}");
+            assert!(theirs > 1e-3, "{trajectory}, {error}: {theirs} is an error");
         }
     }
 }
