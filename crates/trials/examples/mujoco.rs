@@ -25,10 +25,7 @@ fn main() {
                 [0.15, 0.5, 0.7].into_iter().filter(|friction| only.is_none_or(|only| only == *friction))
             {
                 for payload_kg in [0.0, 100.0] {
-                    let more = String::new();
-                    let (robot, off_centre_m, gyro) = (BMM, 0.0, false);
-                    let case =
-                        Case { robot, law, path, faster, friction, payload_kg, off_centre_m, gyro, more };
+                    let case = Case { faster, friction, payload_kg, ..Case::plain(BMM, law, path) };
                     print(&case, "ours", &case.ride());
                     let slid = case.ride_on(|machine| {
                         Box::new(MujocoPlant::start(&python, machine).expect("MuJoCo's process"))

@@ -4,9 +4,7 @@
 //! of their file, with each set of sensors or with that one alone. The table is that of `docs/accuracy.md`; a row stands as soon as
 //! those before it do.
 
-use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
-
+use omnibase_trials::rows;
 use omnibase_trials::sensed::{Case, FLOORS, PATHS, SETS, Sensed, drive};
 
 fn main() {
@@ -20,25 +18,9 @@ fn main() {
     println!("|---|---|---|---|---|---|---|");
     let is_asked = |case: &Case| asked.as_ref().is_none_or(|asked| *asked == SETS[case.set]);
     let cases: Vec<Case> = Case::all().filter(is_asked).collect();
-    let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    let next = AtomicUsize::new(0);
-    let rows: Mutex<(usize, Vec<Option<String>>)> = Mutex::new((0, vec![None; cases.len()]));
-    std::thread::scope(|scope| {
-        for _ in 0..threads {
-            scope.spawn(|| {
-                while let Some((at, case)) =
-                    cases.iter().enumerate().nth(next.fetch_add(1, Ordering::Relaxed))
-                {
-                    let driven: Vec<Sensed> = (1..=robots).map(|seed| drive(case, seed)).collect();
-                    let (printed, rows) = &mut *rows.lock().expect("rows");
-                    rows[at] = Some(row(case, &driven));
-                    while let Some(row) = rows.get_mut(*printed).and_then(Option::take) {
-                        println!("{row}");
-                        *printed += 1;
-                    }
-                }
-            });
-        }
+    rows::print_in_order(&cases, |case| {
+        let driven: Vec<Sensed> = (1..=robots).map(|seed| drive(case, seed)).collect();
+        row(case, &driven)
     });
 }
 

@@ -14,6 +14,7 @@
 //! - [`mujoco`]: the same robots on mechanics that aren't ours.
 //! - [`wiring`]: robots that are not as their file says, and whether they are named.
 //! - [`laws`]: the control laws, and those that an example is asked for.
+//! - [`rows`]: tables whose rows are driven on all cores.
 //! - [`framed`]: the same robots through bring-up and frames, as `omnibase run` runs them.
 //!
 //! The time of everything is as it is on the bus: a cycle reads what the drives measured one period before, and what
@@ -33,6 +34,7 @@ pub mod learning;
 pub mod mujoco;
 pub mod replans;
 pub mod robots;
+pub mod rows;
 mod run;
 pub mod seeded;
 pub mod sensed;

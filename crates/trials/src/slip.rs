@@ -2,7 +2,7 @@
 
 use omnibase_platform::{Kinematics, Pose2};
 use omnibase_robot::signals::{MAX_WHEELS, SafetyReason, Setpoint};
-use omnibase_robot_sim::{Body, MachineParameters, Mechanics};
+use omnibase_robot_sim::{Body, MachineParameters, Mechanics, Tread};
 use omnibase_run::simulated;
 
 use crate::builds::PoseError;
@@ -29,6 +29,8 @@ pub struct Case {
     pub faster: f64,
     /// Static friction of the floor; it slides with nine tenths of it.
     pub friction: f64,
+    /// The treads; `None` are rigid ones.
+    pub tread: Option<Tread>,
     /// Payload, kg.
     pub payload_kg: f64,
     /// Where it stands on the platform, x, m.
@@ -91,6 +93,22 @@ pub struct Slid {
 }
 
 impl Case {
+    /// A robot alone, as fast as usual, on a floor that grips and rigid treads.
+    pub fn plain(robot: &'static str, law: &'static str, path: &'static str) -> Case {
+        Case {
+            robot,
+            law,
+            path,
+            faster: 1.0,
+            friction: 0.5,
+            tread: None,
+            payload_kg: 0.0,
+            off_centre_m: 0.0,
+            gyro: false,
+            more: String::new(),
+        }
+    }
+
     /// Its file.
     pub fn text(&self) -> String {
         let Case { faster, friction, payload_kg, .. } = self;
@@ -112,6 +130,11 @@ impl Case {
             self.off_centre_m,
             0.9 * friction
         ));
+        if let Some(Tread { stiffness_n_m, damping_ratio }) = self.tread {
+            text.push_str(&format!(
+                "tread_stiffness_n_m = {stiffness_n_m:?}\ntread_damping_ratio = {damping_ratio:?}\n"
+            ));
+        }
         let s = |duration_s: f64| duration_s / faster;
         let path = match self.path {
             "circle" => format!("kind = \"circle\"\nradius_m = 0.5\nduration_s = {:?}", s(10.0)),
@@ -151,8 +174,9 @@ impl Case {
             cycles.map_or("-".to_owned(), |cycles| format!("{:.3}", cycles as f64 * 1e-3))
         };
         let Run { believed_rms_m, true_rms_m, true_final_m, .. } = slid.run;
+        let tread = self.tread.map_or("rigid".to_owned(), |tread| format!("{:.0e}", tread.stiffness_n_m));
         format!(
-            "| {}{} | {} | {:.1} | {:.2} | {:.0} | {:.1} | {:.2} | {:.1} | {:.1} | {:.1} | {:.0} | {} | {} | {} | {} |",
+            "| {}{} | {} | {:.1} | {:.2} | {tread} | {:.0} | {:.1} | {:.2} | {:.1} | {:.1} | {:.1} | {:.1} | {:.0} | {} | {} | {} | {} |",
             self.law,
             if self.gyro { ", gyro" } else { "" },
             self.path,
@@ -163,6 +187,7 @@ impl Case {
             1e3 * believed_rms_m,
             1e3 * true_rms_m,
             1e3 * true_final_m,
+            slid.torque_nm,
             1e3 * slid.way_m,
             1e3 * slid.believed_m_s,
             at(slid.began),
@@ -269,4 +294,4 @@ impl Slid {
 }
 
 /// Heading of the table of [`Case::row`].
-pub const HEADING: &str = "| law | path | speed | friction | payload kg | at x m | believed RMS mm | true RMS mm | true final mm | longest slip mm | believed ahead mm/s | slips at s | told at s | friction found | end |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|";
+pub const HEADING: &str = "| law | path | speed | friction | tread N/m | payload kg | at x m | believed RMS mm | true RMS mm | true final mm | greatest torque N·m | longest slip mm | believed ahead mm/s | slips at s | told at s | friction found | end |\n|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|---|";

@@ -13,9 +13,7 @@ fn ride(law: &'static str, friction: f64, faster: f64) -> Option<Slid> {
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("python-mujoco");
     let lacking = |why: &String| skipped(format_args!("no Python with MuJoCo: {why}"));
     let python = mujoco::python(&folder).inspect_err(lacking).ok()?;
-    let (robot, path, more) = (BMM, "circle", String::new());
-    let (payload_kg, off_centre_m, gyro) = (0.0, 0.0, false);
-    let case = Case { robot, law, path, faster, friction, payload_kg, off_centre_m, gyro, more };
+    let case = Case { friction, faster, ..Case::plain(BMM, law, "circle") };
     let text = case
         .text()
         .replace("radius_m = 0.5\n", "radius_m = 0.15\n")

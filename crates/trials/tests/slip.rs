@@ -6,11 +6,6 @@ use omnibase_trials::laws::{ALL, OF_TORQUE};
 use omnibase_trials::robots::{BMM, MECANUM};
 use omnibase_trials::slip::{Case, Slid};
 
-fn case(robot: &'static str, law: &'static str, path: &'static str) -> Case {
-    let (faster, friction, payload_kg, off_centre_m) = (1.0, 0.5, 0.0, 0.0);
-    Case { robot, law, path, faster, friction, payload_kg, off_centre_m, gyro: false, more: String::new() }
-}
-
 /// Told within 50 ms of the beginning of a slip of more than 10 mm, if it became one, and stopped by its name within 50 mm of the truth.
 fn is_caught(slid: &Slid) -> bool {
     let in_time =
@@ -21,8 +16,12 @@ fn is_caught(slid: &Slid) -> bool {
 #[test]
 fn the_square_twice_as_fast_is_stopped_by_its_name() {
     for payload_kg in [0.0, 100.0] {
-        let case =
-            Case { faster: 2.0, payload_kg, off_centre_m: 0.2, ..case(BMM, "adaptive_torque", "square") };
+        let case = Case {
+            faster: 2.0,
+            payload_kg,
+            off_centre_m: 0.2,
+            ..Case::plain(BMM, "adaptive_torque", "square")
+        };
         let slid = case.ride();
         println!("{}", case.row(&slid));
         assert!(is_caught(&slid), "{slid:?}");
@@ -32,7 +31,7 @@ fn the_square_twice_as_fast_is_stopped_by_its_name() {
 #[test]
 fn the_square_on_a_slippery_floor_ends_near_the_truth() {
     for law in ["closed_loop_speed", "adaptive_torque"] {
-        let case = Case { friction: 0.15, ..case(BMM, law, "square") };
+        let case = Case { friction: 0.15, ..Case::plain(BMM, law, "square") };
         let slid = case.ride();
         println!("{}", case.row(&slid));
         assert!(slid.run.finished && slid.run.true_final_m <= 0.015, "{slid:?}");
@@ -44,7 +43,7 @@ fn a_slippery_patch_under_the_circle_stops_the_robot() {
     // As wide as the robot, under the second quarter of the circle.
     let more = "\n[[simulation.patch]]\ncentre_m = [0.5, 0.5]\nradius_m = 0.6\nstatic_friction = 0.08\n";
     for (law, gyro) in ALL.iter().flat_map(|&law| [(law, true), (law, false)]) {
-        let case = Case { gyro, more: more.to_owned(), ..case(BMM, law, "circle") };
+        let case = Case { gyro, more: more.to_owned(), ..Case::plain(BMM, law, "circle") };
         let slid = case.ride();
         println!("{}", case.row(&slid));
         let is_stopped = slid.stopped == SafetyReason::WheelSlip;
@@ -56,7 +55,7 @@ fn a_slippery_patch_under_the_circle_stops_the_robot() {
 fn a_robot_whose_wheels_slipped_is_where_it_says_that_it_may_be() {
     let slippery =
         |friction: f64, path: &'static str, payload_kg: f64, law: &'static str, robot: &'static str| {
-            let case = Case { friction, payload_kg, off_centre_m: 0.2, ..case(robot, law, path) };
+            let case = Case { friction, payload_kg, off_centre_m: 0.2, ..Case::plain(robot, law, path) };
             let slid = case.ride();
             let [x, y, heading] = slid.apart.error;
             println!(
@@ -84,7 +83,7 @@ fn a_robot_whose_wheels_slipped_is_where_it_says_that_it_may_be() {
 #[test]
 fn many_short_slips_are_a_long_one() {
     // Of a robot of 70 kg as its file says, which may weigh three times as much or a third.
-    let text = case(BMM, "adaptive_torque", "square").text();
+    let text = Case::plain(BMM, "adaptive_torque", "square").text();
     let narrow = text.lines().filter(|line| line.contains("_bounds_kg")).map(|line| format!("{line}\n"));
     let wide = narrow.fold(text.clone(), |text, line| text.replace(&line, ""));
     assert_ne!(wide, text);
@@ -102,7 +101,7 @@ fn what_grips_is_not_said_to_slip() {
         for &law in ALL.iter() {
             for path in ["square", "circle", "eight", "spiral"] {
                 for (payload_kg, off_centre_m) in [(0.0, 0.0), (150.0, 0.0), (60.0, 0.15)] {
-                    let case = Case { payload_kg, off_centre_m, ..case(robot, law, path) };
+                    let case = Case { payload_kg, off_centre_m, ..Case::plain(robot, law, path) };
                     let slid = case.ride();
                     assert_eq!((slid.told, slid.began), (None, None), "{}", case.row(&slid));
                 }
@@ -189,7 +188,7 @@ fn on_a_floor_that_is_told_nothing_slips_and_the_path_is_late_and_true() {
         (MECANUM, "closed_loop_speed", 0.5, 2.0),
     ] {
         let more = told(friction);
-        let case = Case { friction, faster, payload_kg: 100.0, more, ..case(robot, law, "square") };
+        let case = Case { friction, faster, payload_kg: 100.0, more, ..Case::plain(robot, law, "square") };
         let slid = case.ride();
         println!("{}", case.row(&slid));
         assert!(slid.run.finished && slid.run.true_final_m <= 0.015, "{}", case.row(&slid));
@@ -277,7 +276,7 @@ fn by_speed_what_goes_gently_is_told_too_and_so_is_a_wheel_that_bears_little() {
         ("eight", 0.15, 100.0, 0.2),
     ] {
         for law in ["open_loop", "closed_loop_speed"] {
-            let case = Case { friction, payload_kg, off_centre_m, ..case(BMM, law, path) };
+            let case = Case { friction, payload_kg, off_centre_m, ..Case::plain(BMM, law, path) };
             let slid = case.ride();
             println!("{} {:.1} mm apart", case.row(&slid), 1e3 * slid.apart.distance_m());
             assert!(slid.told.is_some() && slid.apart.distance_m() < 0.08, "{}: {slid:?}", case.row(&slid));
@@ -293,7 +292,7 @@ fn by_speed_gentle_motions_of_four_wheels_are_told_once_their_wires_are_shown() 
             friction,
             payload_kg: 100.0,
             off_centre_m: 0.2,
-            ..case(MECANUM, "closed_loop_speed", path)
+            ..Case::plain(MECANUM, "closed_loop_speed", path)
         };
         let slid = case.ride();
         println!("{} {:.1} mm apart", case.row(&slid), 1e3 * slid.apart.distance_m());
