@@ -15,7 +15,5 @@ mod order;
 #[path = "../../../omnibase/tests/python_tools/mod.rs"]
 mod python_tools;
 mod silence;
-#[path = "../../../host/src/skipped.rs"]
-mod skipped;
 mod two_poses;
 mod world;

@@ -222,8 +222,8 @@ fn turns_and_drives(early_ms: u64) -> [[f64; 2]; 3] {
     for cycle in 0..58_000_u64 {
         let time_s = 1e-3 * cycle as f64;
         let twist = match cycle {
-            ..8000 => Twist2::new(0.0, 0.0, time_s.min(1.0) * (0.6 + 0.2 * (1.5 * time_s).sin())),
-            ..50_000 => Twist2::default(),
+            0..8000 => Twist2::new(0.0, 0.0, time_s.min(1.0) * (0.6 + 0.2 * (1.5 * time_s).sin())),
+            8000..50_000 => Twist2::default(),
             _ => Twist2::new(0.5, 0.0, 0.0),
         };
         let motion = world.drive(twist);

@@ -3,7 +3,7 @@
 #[path = "../../../host/src/skipped.rs"]
 mod skipped;
 
-use skipped::skipped;
+pub use skipped::skipped;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
