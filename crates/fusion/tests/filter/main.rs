@@ -17,3 +17,5 @@ mod python_tools;
 mod silence;
 mod two_poses;
 mod world;
+
+use python_tools::skipped;

@@ -1,9 +1,9 @@
 //! A Python with packages that a test talks to, and commands that must succeed.
 
 #[path = "../../../host/src/skipped.rs"]
-mod skipped;
+pub mod skipped;
 
-pub use skipped::skipped;
+use skipped::skipped;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
