@@ -108,6 +108,12 @@ pub fn segment_trouble(words: String) -> Finding {
     Finding::degraded("segment", why, words).mended("what it says", by_hand)
 }
 
+/// What of the segment at the interface can't be set up, and why.
+pub fn not_set_up(words: String) -> Finding {
+    let by_hand = How::ByHand("it is a device, its supply or its firmware");
+    Finding::bad("segment", "what isn't set up takes part in no cycle", words).mended("what it says", by_hand)
+}
+
 /// That nothing of the segment at the interface could be seen, and why.
 pub fn no_segment(words: String) -> Finding {
     let by_hand = How::ByHand("it is a cable, a supply, or another program on the interface");

@@ -9,7 +9,7 @@
 //! - [`real_time`]: priority, locked memory and CPU of the cyclic thread, each granted or refused in words.
 //! - [`doctor`]: whether the machine is fit for that, and what mends it.
 //! - [`ends_with_this`]: a program of ours that doesn't outlive us, however we end.
-//! - [`stop_on_signals`]: a clean end on Ctrl-C.
+//! - [`stop_on_signals`]: a clean end on Ctrl-C; [`typed_lines`]: what is typed meanwhile.
 //! - [`interface`]: which network interfaces there are, and whether their cables are in.
 //! - [`CountingAllocator`], [`Namespace`] and [`skipped`]: for tests and benches that count allocations, need a cable, or can't run.
 //!
@@ -33,6 +33,7 @@ mod raw;
 pub mod real_time;
 mod skipped;
 mod stop;
+mod typed;
 
 pub use allocator::CountingAllocator;
 pub use child::ends_with_this;
@@ -48,6 +49,7 @@ pub use packet_socket::PacketSocket;
 pub use raw::{DropCounts, OpenError};
 pub use skipped::skipped;
 pub use stop::stop_on_signals;
+pub use typed::typed_lines;
 
 /// Whether this program runs as root.
 pub fn is_root() -> bool {

@@ -77,17 +77,21 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
 /// What `scan` sees of the segment that a person should do something about.
 fn segment(interface: &str) -> Vec<Finding> {
     let target = Target::Interface(interface.to_owned());
-    let (found, refusal) = match scan::look(&target, Manners { force: false, visible: false }, false) {
-        Ok(found) => found,
+    match scan::look(&target, Manners { force: false, visible: false }, false) {
+        Ok((found, refusal)) => found_of(found, refusal.map(|error| error.to_string())),
         // What was found of the machine may be the reason.
-        Err(error) => return vec![doctor::no_segment(format!("{error:#}"))],
-    };
+        Err(error) => vec![doctor::no_segment(format!("{error:#}"))],
+    }
+}
+
+/// What was found of a segment, and why it can't be set up, where it can't.
+fn found_of(found: scan::Report, refusal: Option<String>) -> Vec<Finding> {
     let fit = found.cycle.map_or("its process data fit into none".to_owned(), |cycle| cycle.words);
     let mut findings = vec![doctor::segment_cycle(fit)];
     findings.extend(found.notes.into_iter().map(doctor::segment_note));
-    let refusal = refusal.map(|error| error.to_string());
-    let trouble = found.warnings.into_iter().chain(refusal).chain(found.trouble);
-    findings.extend(trouble.map(doctor::segment_trouble));
+    let warnings = found.warnings.into_iter().filter(|warning| !found.left_out.contains(warning));
+    findings.extend(warnings.chain(found.trouble).map(doctor::segment_trouble));
+    findings.extend(found.left_out.iter().cloned().chain(refusal).map(doctor::not_set_up));
     findings
 }
 
@@ -230,5 +234,32 @@ impl<'a> Page<'a> {
             findings: findings.iter().map(finding).collect(),
             changes: changes.iter().map(change).collect(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Who is broken is in no cycle; a warning of a device that is set up is.
+    #[test]
+    fn a_segment_that_is_not_set_up_whole_is_bad() {
+        let report = |warnings: &[&str], left_out: &[&str]| scan::Report {
+            subdevices: Vec::new(),
+            cycle: None,
+            trouble: Vec::new(),
+            notes: Vec::new(),
+            warnings: warnings.iter().map(ToString::to_string).collect(),
+            left_out: left_out.iter().map(ToString::to_string).collect(),
+        };
+        let told = |report, refusal: Option<&str>| -> Vec<(Verdict, String)> {
+            let findings = found_of(report, refusal.map(str::to_owned));
+            findings.into_iter().skip(1).map(|finding| (finding.verdict, finding.found)).collect()
+        };
+        let (odd, broken) = ("an odd SII", "SubDevice 0 is broken and left out: no valid firmware");
+        let [odd_is, broken_is] = [(Verdict::Degraded, odd.to_owned()), (Verdict::Bad, broken.to_owned())];
+        assert_eq!(told(report(&[odd, broken], &[broken]), None), [odd_is.clone(), broken_is]);
+        let refused = (Verdict::Bad, "no".to_owned());
+        assert_eq!(told(report(&[odd], &[]), Some("no")), [odd_is, refused]);
     }
 }

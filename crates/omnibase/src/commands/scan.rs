@@ -9,12 +9,14 @@ use crate::progress::{note, warn};
 use crate::target::{AnyBus, Manners, Port, Target};
 use crate::{Outcome, commands};
 use omnibase_ethercat::SetUpError;
+use omnibase_ethercat::bus::Warning;
 use omnibase_ethercat::modules::Modules;
 use omnibase_ethercat::transaction::Access;
 use omnibase_ethercat::trouble::Trouble;
 use omnibase_ethercat::wire::bytes::u16_at;
 use omnibase_ethercat::wire::{AlState, AlStatusCode, register, sii};
-use report::{CycleReport, ModulesReport, Report, SubDeviceReport};
+pub use report::Report;
+use report::{CycleReport, ModulesReport, SubDeviceReport};
 use std::io::Write;
 
 /// Shows what is in a segment: identity, position, alias, ports, states, SyncManagers, FMMUs, PDOs.
@@ -97,12 +99,14 @@ pub fn look(
     let refusal = bus.configure_sound().err();
     let states = states(&mut bus);
     let (notes, trouble) = told(&bus.look_for_trouble()?);
+    let left_out = bus.warnings().iter().filter(|warning| matches!(warning, Warning::LeftOut { .. }));
     let mut report = Report {
         subdevices: bus.subdevices().iter().map(SubDeviceReport::new).collect(),
         cycle: bus.cycle_fit().ok().map(CycleReport::from),
         trouble,
         notes,
         warnings: bus.warnings().iter().map(ToString::to_string).collect(),
+        left_out: left_out.map(ToString::to_string).collect(),
     };
     for (one, state) in report.subdevices.iter_mut().zip(states) {
         one.state = state;

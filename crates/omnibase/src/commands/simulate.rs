@@ -8,13 +8,13 @@ use crate::real_time::RealTime;
 use crate::robot_file::{Changes, RobotSource};
 use crate::target::{Cable, Port, Target, finish_recording};
 use crate::{Outcome, segment};
-use fault::{FaultSource, TimedFault, typed_lines};
+use fault::{FaultSource, TimedFault};
 use logbook::{Arrival, Entry, Logbook, Standstill, TruePose, WatchdogStop};
 use omnibase_ethercat_sim::{Fault, MainPort, Pace, RingEnds, Segment, Served, serve, serve_ring};
 use omnibase_ethercat_wire::sii::Image;
 use omnibase_ethercat_wire::{HostTime, LinkError};
 use omnibase_host::interface::LinkWatch;
-use omnibase_host::{InterfaceLock, LinkState, Waiting, interface, stop_on_signals};
+use omnibase_host::{InterfaceLock, LinkState, Waiting, interface, stop_on_signals, typed_lines};
 use omnibase_robot::Registry;
 use omnibase_robot_sim::SharedMachine;
 use omnibase_run::simulated::{self, Script};
@@ -23,7 +23,7 @@ use std::io::Write;
 use std::ops::ControlFlow;
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Receiver;
+use std::sync::mpsc::{Receiver, TryRecvError};
 use std::time::Duration;
 
 /// Simulates a segment, or a whole robot, behind a network interface, in real time, for any MainDevice. Ctrl-C ends it.
@@ -352,13 +352,22 @@ impl Watch {
 
     /// Takes what was typed.
     fn hear(&mut self, now: HostTime, count: usize) {
-        for line in self.typed.iter().flat_map(Receiver::try_iter) {
+        while let Some(typed) = &self.typed {
+            let line = match typed.try_recv() {
+                Ok(line) => line,
+                Err(TryRecvError::Empty) => return,
+                Err(TryRecvError::Disconnected) => {
+                    note("standard input has ended: no more faults are read");
+                    self.typed = None;
+                    return;
+                }
+            };
             match TimedFault::typed(&line, count, now - self.start) {
                 Ok(fault) => {
                     let at = self.faults.partition_point(|earlier| earlier.after <= fault.after);
                     self.faults.insert(at, fault);
                 }
-                Err(error) => note(format_args!("`{}`: {error}", line.trim())),
+                Err(error) => note(format_args!("`{line:.60}`: {error}")),
             }
         }
     }

@@ -95,12 +95,22 @@ impl<C: Clock> Guide<'_, C> {
         };
         let turns = span as f64 / self.record.drives[number].seen_counts.unwrap_or(1.0);
         let text = format!("{wheel}: pushed by hand with its brake closed it gave by {turns:.4} turns");
-        self.hand.tell(&text);
         if turns > PLAY_TURNS {
+            self.hand.tell(&text);
             self.record.failed(Step::Brake, Some(wheel), text);
             return Ok(Ok(false));
         }
-        self.record.note(text);
+        // A wheel that nobody touched gives by nothing, too.
+        let question = format!("{text}: did you push and turn it both ways, and did it hold?");
+        match self.choose(format!("pushed {number}"), question, &["yes", "no"].map(str::to_owned)) {
+            Err(Leave) => return Ok(Err(Leave)),
+            Ok(choice) if choice == "no" => {
+                let why = format!("{wheel}: nobody pushed it, or it didn't hold");
+                self.record.failed(Step::Brake, Some(wheel), why);
+                return Ok(Ok(false));
+            }
+            Ok(_) => self.record.note(text),
+        }
         Ok(Ok(true))
     }
 }

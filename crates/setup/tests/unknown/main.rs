@@ -278,6 +278,20 @@ fn whoever_lets_go_on_the_floor_takes_the_torque_in_the_next_frame() {
     assert_eq!(found.record.legs.len(), 1);
 }
 
+/// A drive that loses its supply in the first metre ends that way and not the set-up, and what was tried stands in the record.
+#[test]
+fn a_drive_that_goes_dark_on_the_floor_is_driven_again_once_it_is_up() {
+    let robot = Unknown { turned_encoder: None, ..Unknown::of(2) };
+    let dark = Circumstances { dark_while: Some("a metre AHEAD"), ..Circumstances::default() };
+    let found = set_up_where(dark, &robot, &mut |question| (question.id == "floor").then(|| said("drive")));
+    let driven: Vec<&String> =
+        found.record.log.iter().filter(|line| line.contains("by its wheels")).collect();
+    assert_eq!(driven.len(), 2, "{driven:?}");
+    assert!(driven[0].contains("the robot stopped") && driven[0].contains("SubDevice 1"), "{driven:?}");
+    assert!(driven.iter().all(|line| line.ends_with(" 0 without a held key")), "{driven:?}");
+    assert_eq!(found.record.legs.len(), 1);
+}
+
 /// A drive that failed keeps its fault; who answers "again" and holds the key acknowledges it.
 #[test]
 fn a_drive_that_failed_is_enabled_again_by_who_holds_the_key() {
@@ -290,10 +304,9 @@ fn a_drive_that_failed_is_enabled_again_by_who_holds_the_key() {
         assert_eq!(found.told.iter().filter(is_told).count(), 1, "{part}: {:?}", found.told);
         let times = found.asked.iter().filter(|(id, _)| id == asked).count();
         assert_eq!(times, 1, "{part}: {:?}", found.record.log);
-        if asked == "again 1" {
-            let findings = found.record.findings.join("\n");
-            assert!(findings.contains("asked by SDO, it says error 0x2310"), "{findings}");
-        }
+        let said = [&found.record.findings[..], &found.record.log].concat().join("\n");
+        assert!(said.contains("; asked by SDO, it says error 0x2310"), "{said}");
+        assert!(!said.contains("(no error)"), "{said}");
         assert_eq!(found.record.legs.len(), 1, "{part}");
         assert_eq!(unknown::differences(&robot, &found.text), Vec::<String>::new(), "{part}");
     }
@@ -325,6 +338,28 @@ fn a_brake_is_opened_with_a_held_key_and_pushed_while_nothing_is_enabled() {
     let opened = found.record.log.iter().filter(|line| line.contains("the brake of"));
     assert!(
         opened.clone().count() == 3 && opened.clone().all(|line| line.ends_with(" 0 without a held key"))
+    );
+}
+
+/// A wheel that nobody pushed stands as still as one that is held.
+#[test]
+fn a_brake_that_nobody_pushed_is_not_called_tested() {
+    let robot = Unknown { turned_encoder: None, brakes: [1500, 1500, 1500], ..Unknown::of(2) };
+    let found = set_up(&robot, &mut |question| match question.id.as_str() {
+        "brake 0" | "brake 1" => Some(said("yes")),
+        "push 0" => Some(said("done")),
+        "pushed 0" => Some(said("no")),
+        _ => None,
+    })
+    .unwrap();
+    let asked = |id: &str| found.asked.iter().filter(|(asked, _)| asked == id).count();
+    assert_eq!(["braked 0", "braked 1"].map(asked), [1, 0], "{:?}", found.asked);
+    let findings = found.record.findings.join("\n");
+    assert!(findings.contains("wheel_1: nobody pushed it, or it didn't hold"), "{findings}");
+    assert!(
+        !found.record.log.iter().any(|line| line.starts_with("wheel_1: pushed by hand")),
+        "{:?}",
+        found.record.log
     );
 }
 

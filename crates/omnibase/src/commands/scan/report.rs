@@ -21,6 +21,9 @@ pub struct Report {
     pub notes: Vec<String>,
     /// What the set-up met and went on without: the text form has it on stderr.
     pub warnings: Vec<String>,
+    /// Of them, who is broken and left out.
+    #[serde(skip)]
+    pub left_out: Vec<String>,
 }
 
 /// What the frames of a cycle need, us.

@@ -4,9 +4,7 @@ use crate::value;
 use omnibase_ethercat_sim::Fault;
 use omnibase_ethercat_sim::pdi::ApplicationFault;
 use std::fmt;
-use std::io::BufRead;
 use std::str::FromStr;
-use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
 /// Reads a fault from its name and its argument.
@@ -87,9 +85,10 @@ impl FromStr for TimedFault {
 impl TimedFault {
     /// Reads one; without a time it comes `at_once`, where that is allowed.
     fn read(text: &str, at_once: Option<Duration>) -> Result<Self, String> {
-        let (name, place) = text
-            .split_once('@')
-            .ok_or("expected <fault>@<position>:<seconds>, for example power-cycle@1:5")?;
+        let (name, place) = text.split_once('@').ok_or(match at_once {
+            None => "expected <fault>@<position>:<seconds>, for example power-cycle@1:5",
+            Some(_) => "expected <fault>@<position>, for example power-cycle@1",
+        })?;
         let mut parts = place.split(':');
         let position = parts.next().and_then(|part| part.parse().ok()).ok_or("the position is no number")?;
         let after = match (parts.next(), at_once) {
@@ -123,16 +122,6 @@ impl TimedFault {
             false => Err(format!("there is no SubDevice {}, the segment has {count}", self.position)),
         }
     }
-}
-
-/// Lines of standard input as they come, read beside the simulation; ends with the input.
-pub fn typed_lines() -> Receiver<String> {
-    let (sender, receiver) = channel();
-    std::thread::spawn(move || {
-        let lines = std::io::stdin().lock().lines().map_while(Result::ok);
-        lines.filter(|line| !line.trim().is_empty()).try_for_each(|line| sender.send(line))
-    });
-    receiver
 }
 
 /// What stands behind the time, and the fault's name for messages.
@@ -213,6 +202,7 @@ mod tests {
         let at_once = typed(" sto@1\r").unwrap();
         assert_eq!((at_once.position, at_once.after), (1, Duration::from_secs(7)));
         assert_eq!(typed("push@0:2:300").unwrap().after, Duration::from_secs(9));
+        assert_eq!(typed("sto").unwrap_err(), "expected <fault>@<position>, for example power-cycle@1");
         assert_eq!(typed("sto@2").unwrap_err(), "there is no SubDevice 2, the segment has 2");
         assert_eq!("-".parse(), Ok(FaultSource::Lines));
         assert_eq!("sto@1:12".parse::<TimedFault>().unwrap().after, typed("sto@1:5").unwrap().after);

@@ -131,7 +131,7 @@ pub struct Circumstances {
     pub lets_go_at: Option<u32>,
     /// The drive at position 1 fails once while the key is held for what is told so.
     pub fails_while: Option<&'static str>,
-    /// The drive at position 1 loses its power once so, until it is asked whether it is jogged again.
+    /// The drive at position 1 loses its power once so, until it is asked whether it is jogged, or driven, again.
     pub dark_while: Option<&'static str>,
     /// The emergency stop takes the drives' supply.
     pub stop_takes_supply: bool,

@@ -152,7 +152,7 @@ impl Hand for Person<'_> {
                 "again".to_owned()
             }
             "parameters" => "write".to_owned(),
-            "stopped" | "opened" => "yes".to_owned(),
+            "stopped" | "opened" | "pushed" => "yes".to_owned(),
             "name" => "position".to_owned(),
             "places" => "as before".to_owned(),
             "brake" => "no".to_owned(),
@@ -179,7 +179,11 @@ impl Hand for Person<'_> {
                 }
             }
             "wheels" => "take".to_owned(),
-            "drive" | "enable" => "again".to_owned(),
+            "drive" => {
+                self.world.borrow().injector.as_ref().expect("the segment is open").inject(1, Fault::PowerOn);
+                "again".to_owned()
+            }
+            "enable" => "again".to_owned(),
             // Measured again, and the numbers.
             "wrong" | "numbers" => question.choices[0].clone(),
             "release" => {

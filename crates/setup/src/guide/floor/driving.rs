@@ -1,5 +1,6 @@
 //! One way on the floor: the robot's own cycle, for as long as a key is held.
 
+use omnibase_cia402::ErrorCode;
 use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_platform::{Pose2, wrap_angle_rad};
 use omnibase_robot::config::RobotPlan;
@@ -43,6 +44,8 @@ pub(super) struct Driving<'a, L: Link, C: Clock> {
     begun: Option<Pose2>,
     /// What each wheel turned since increments were kept last, rad.
     turned_rad: Vec<f64>,
+    /// The wheel whose drive stopped the robot without saying why.
+    failed: Option<usize>,
     drive: Drive,
 }
 
@@ -56,7 +59,7 @@ impl<'a, L: Link, C: Clock> Driving<'a, L, C> {
         let leg = Leg { name: way.name.to_owned(), period_s: KEPT_S, ..Leg::default() };
         let drive = Drive { leg, has_arrived: false, is_gone: false, unheld_cycles: 0, words: String::new() };
         let turned_rad = vec![0.0; plan.drives.len()];
-        Driving { session, robot, plan, way, index: 0, begun: None, turned_rad, drive }
+        Driving { session, robot, plan, way, index: 0, begun: None, turned_rad, failed: None, drive }
     }
 
     /// Until it has arrived and stands, the key is let go, or something is wrong; the drives lose their torque behind it. `key_s` is how
@@ -93,6 +96,7 @@ impl<'a, L: Link, C: Clock> Driving<'a, L, C> {
             if record.phase == Phase::Fault {
                 let words = stopped(self.plan, &record);
                 if was_enabled || is_acknowledged {
+                    self.failed = who_failed_untold(&record);
                     break words;
                 }
                 if !acknowledges {
@@ -123,7 +127,17 @@ impl<'a, L: Link, C: Clock> Driving<'a, L, C> {
             self.compute(exchange, Some(RequestKind::Stop(StopCategory::RemoveTorque)), false);
         }
         self.keep_increments();
-        self.session.end().map_err(|error| in_words(&error))?;
+        // Not every drive's process data tell it.
+        if let Some(wheel) = self.failed {
+            let code = self.session.error_codes()?.get(wheel).copied().flatten();
+            let says = code.filter(|code| *code != ErrorCode::NONE);
+            self.drive.words +=
+                &says.map_or(String::new(), |code| format!("; asked by SDO, it says error {code}"));
+        }
+        // Who lost its supply doesn't answer any more: that ends this way, not the set-up.
+        if let Err(error) = self.session.end() {
+            self.drive.words = format!("{}; {}", self.drive.words, in_words(&error));
+        }
         Ok(self.drive)
     }
 
@@ -196,13 +210,22 @@ impl<'a, L: Link, C: Clock> Driving<'a, L, C> {
     }
 }
 
+/// The wheel whose drive stopped the robot, where its process data don't say why.
+fn who_failed_untold(record: &CycleRecord) -> Option<usize> {
+    let wheel = record.stop_where as usize;
+    let said = record.measurements.present().get(wheel)?;
+    (record.stop_reason == SafetyReason::Drive && said.error == ErrorCode::NONE).then_some(wheel)
+}
+
 /// Why the robot stopped, and which drive did that by what.
 fn stopped(plan: &RobotPlan, record: &CycleRecord) -> String {
     let reason = record.stop_reason.text();
     let wheel = record.stop_where as usize;
     match (plan.drives.get(wheel), record.measurements.present().get(wheel)) {
         (Some(drive), Some(said)) if record.stop_reason == SafetyReason::Drive => {
-            format!("the robot stopped: {reason}: {}, {}", drive.name, said.error)
+            let error =
+                if said.error == ErrorCode::NONE { String::new() } else { format!(", {}", said.error) };
+            format!("the robot stopped: {reason}: {}{error}", drive.name)
         }
         _ => format!("the robot stopped: {reason}"),
     }

@@ -204,7 +204,9 @@ fn what_nobody_held_the_key_for_is_told_as_untried() {
 /// Whoever leaves in the middle of a brake's test isn't asked whether he tests it again.
 #[test]
 fn a_brakes_test_is_left_at_once() {
-    for (key, leaves_at) in [(Key::Gone, ""), (Key::Beat, "opened 0"), (Key::Beat, "push 0")] {
+    for (key, leaves_at) in
+        [(Key::Gone, ""), (Key::Beat, "opened 0"), (Key::Beat, "push 0"), (Key::Beat, "pushed 0")]
+    {
         let (link, clock, _) = powered();
         let mut key = |_| key;
         let mut says =
