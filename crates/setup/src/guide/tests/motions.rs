@@ -209,8 +209,11 @@ fn a_brakes_test_is_left_at_once() {
     {
         let (link, clock, _) = powered();
         let mut key = |_| key;
-        let mut says =
-            |question: &Question| if question.id == leaves_at { Answer::Leave } else { said("yes") };
+        let mut says = |question: &Question| match question.id.as_str() {
+            id if id == leaves_at => Answer::Leave,
+            "push 0" => said("done"),
+            _ => said("yes"),
+        };
         let mut hand = Scripted::new(&mut says, &mut key);
         with_wheels((&link, &clock), &mut hand, |guide| {
             assert!(!guide.brakes().unwrap(), "{leaves_at}");
