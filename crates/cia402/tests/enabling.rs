@@ -349,6 +349,28 @@ fn a_step_that_takes_too_long_is_named() {
     assert_eq!(output.control, ControlWord::COMMAND_DISABLE_VOLTAGE);
 }
 
+/// With voltage, too, a drive that isn't enabled usually waits for its stop or its power; one that isn't disabled doesn't.
+#[test]
+fn a_drive_that_is_not_enabled_is_told_with_the_usual_causes() {
+    let words = |status, to| {
+        let from = DriveState::ReadyToSwitchOn;
+        EnablingError::StateTimeout { from, to, status: StatusWord(status), waited_ns: 2_004_000_000 }
+            .to_string()
+    };
+    let powered = words(0x0231, Wanted::OperationEnabled);
+    assert!(
+        powered.contains("status word 0x0231. Usual causes: the emergency stop is still pressed"),
+        "{powered}"
+    );
+    assert!(powered.contains("STO is open") && powered.contains("main power is missing"), "{powered}");
+    let dark = words(0x0221, Wanted::OperationEnabled);
+    assert!(dark.contains("bit 4 (voltage enabled) is clear: no main power"), "{dark}");
+    assert!(dark.contains("Usual causes"), "{dark}");
+    for (status, to) in [(0x0231, Wanted::SwitchOnDisabled), (0x0031, Wanted::OperationEnabled)] {
+        assert!(!words(status, to).contains("Usual causes"), "{status:04x} {to}");
+    }
+}
+
 #[test]
 fn a_mode_that_never_shows_is_named_and_stops_quickly() {
     let mut bench = Bench::running(Mode::CyclicSynchronousVelocity);

@@ -28,7 +28,7 @@ pub enum EnablingError {
         status: StatusWord,
     },
     /// A change of state took too long.
-    #[error("from {from} to {to}: no step within {} ms, status word {:#06x}{}", .waited_ns / 1_000_000, .status.0, Hint(.status))]
+    #[error("from {from} to {to}: no step within {} ms, status word {:#06x}{}", .waited_ns / 1_000_000, .status.0, Causes(*.to, .status))]
     StateTimeout {
         /// The state in which the drive stayed.
         from: DriveState,
@@ -70,13 +70,30 @@ impl core::fmt::Display for FaultWords<'_> {
     }
 }
 
+/// Why drives usually aren't enabled, as far as the status word tells; with voltage it doesn't tell an open STO (CiA 402 has no bit for it).
+struct Causes<'a>(Wanted, &'a StatusWord);
+
+impl core::fmt::Display for Causes<'_> {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        let Causes(to, status) = self;
+        write!(f, "{}", Hint(status))?;
+        if *to != Wanted::OperationEnabled || !status.contains(StatusWord::REMOTE) {
+            return Ok(());
+        }
+        f.write_str(
+            ". Usual causes: the emergency stop is still pressed or not reset (STO is open), main power is missing, \
+             or the drive's enable input is off",
+        )
+    }
+}
+
 /// What the status word says about the usual causes.
 struct Hint<'a>(&'a StatusWord);
 
 impl core::fmt::Display for Hint<'_> {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         if !self.0.contains(StatusWord::VOLTAGE_ENABLED) {
-            f.write_str("; bit 4 is clear: no high voltage, or torque is safely off")
+            f.write_str("; bit 4 (voltage enabled) is clear: no main power, or torque is safely off (STO, emergency stop)")
         } else if !self.0.contains(StatusWord::REMOTE) {
             f.write_str("; bit 9 is clear: the drive does not obey the control word")
         } else {
