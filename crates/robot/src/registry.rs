@@ -128,6 +128,25 @@ pub struct DeviceDefaults {
     pub parameters: Vec<ParameterPlan>,
     /// Errors of its own by which it says that the bus failed; those of the profile are known.
     pub bus_errors: &'static [ErrorCode],
+    /// From one SYNC0 to the next; `None` where its maker doesn't say which it takes.
+    pub sync0_cycles: Option<Sync0Cycles>,
+}
+
+/// Times from one SYNC0 to the next that a device takes; it refuses others with AL status code 0x0035 (ETG.1000.6).
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sync0Cycles {
+    /// Whole multiples of this, us.
+    pub step_us: u32,
+    /// The longest, us.
+    pub longest_us: u32,
+}
+
+impl Sync0Cycles {
+    /// Whether it takes this, ns.
+    pub fn take(&self, cycle_ns: u64) -> bool {
+        let [step_ns, longest_ns] = [self.step_us, self.longest_us].map(|us| u64::from(us) * 1000);
+        (step_ns..=longest_ns).contains(&cycle_ns) && cycle_ns.is_multiple_of(step_ns)
+    }
 }
 
 /// What a SubDevice that drives no wheel brings along where the robot's file says nothing.

@@ -274,8 +274,15 @@ fn a_drive_without_power_ends_the_run_and_the_others_are_led_down() {
 
 #[test]
 fn a_refused_state_is_named_and_everyone_goes_back() {
-    // No SYNC0 of 5 ms for an SGDV.
-    let ended = played(&["bus.cycle_us = 5000"], Vec::new());
+    // No SYNC0 of 5 ms for an SGDV, of which the file doesn't know that it is one.
+    let changes = [
+        "bus.cycle_us = 5000",
+        "drive_defaults.device = \"cia402\"",
+        "drive_defaults.vendor_id = \"0x0539\"",
+        "drive_defaults.product_code = \"0x02200001\"",
+        "drive_defaults.counts_per_revolution = 1048576",
+    ];
+    let ended = played(&changes, Vec::new());
     let error = ended.error();
     for expected in ["SAFE-OP", "SubDevice 0", "0x0035"] {
         assert!(error.contains(expected), "{expected}: {error}");

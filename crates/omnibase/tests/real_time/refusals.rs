@@ -84,8 +84,16 @@ fn fewer_more_and_other_subdevices_than_the_file_says_are_named_by_position() {
 
 #[test]
 fn a_drive_that_refuses_a_state_is_named_with_its_status_code() {
-    // No SYNC0 of 5 ms for an SGDV: 125 us to 4 ms.
-    let said = refused(&repository("robots/bmm.toml"), &["--set", "bus.cycle_us=5000"]);
+    // No SYNC0 of 5 ms for an SGDV, of which the file doesn't know that it is one.
+    let changes = [
+        "bus.cycle_us=5000",
+        "drive_defaults.device=cia402",
+        "drive_defaults.vendor_id=0x0539",
+        "drive_defaults.product_code=0x02200001",
+        "drive_defaults.counts_per_revolution=1048576",
+    ];
+    let more: Vec<&str> = changes.iter().flat_map(|change| ["--set", *change]).collect();
+    let said = refused(&repository("robots/bmm.toml"), &more);
     contains(&said, &["SAFE-OP", "SubDevice 0", "0x0035", "cycle"]);
 }
 

@@ -6,7 +6,7 @@ use super::subdevices::{self, parameter};
 use super::{Check, ReadFile, torque_limit};
 use crate::config::is_mapped;
 use crate::config::*;
-use crate::registry::{DeviceDefaults, Kind, MakeDevice, Registry, Sort};
+use crate::registry::{DeviceDefaults, Kind, MakeDevice, Registry, Sort, Sync0Cycles};
 use crate::signals::{MAX_PROCESS_BYTES, MAX_WHEELS};
 
 pub(super) fn resolve(
@@ -106,6 +106,7 @@ impl Drive<'_> {
         let speed_loop = self.speed_loop();
         let (dc, setting) = self.pick("dc", |table| &table.dc);
         let dc = clocks::resolve(self.check, bus, &setting, dc.as_ref(), Beat::Drive);
+        self.sync0(bus, kind.name, defaults.sync0_cycles, dc.flatten());
         let timeouts = self.pick("timeouts", |table| &table.timeouts).0;
         let mut custom = self.defaults.custom.clone();
         custom.0.extend(self.own.custom.0.clone());
@@ -126,6 +127,24 @@ impl Drive<'_> {
             parameters,
             custom,
         })
+    }
+
+    /// A device whose maker says which cycles it takes is given one of these.
+    fn sync0(&mut self, bus: &BusTable, device: &str, cycles: Option<Sync0Cycles>, dc: Option<DcPlan>) {
+        let (Some(cycles), Some(dc), Some(cycle_us)) = (cycles, dc, bus.cycle_us) else { return };
+        let per_cycle = dc.sync0_per_cycle;
+        if cycles.take(u64::from(cycle_us) * 1000 / u64::from(per_cycle)) {
+            return;
+        }
+        let reason = format!(
+            "with {per_cycle} SYNC0 in each cycle, device `{device}` refuses it (AL status code 0x0035), so no run begins"
+        );
+        let problem = self.check.report(ProblemKind::OutOfRange, "bus.cycle_us", reason);
+        problem.value = Some(cycle_us.to_string());
+        problem.limit = Some(format!(
+            "from one SYNC0 to the next whole multiples of {} us up to {} us",
+            cycles.step_us, cycles.longest_us
+        ));
     }
 
     /// The keys of the device, in the drive's own table or among the defaults.

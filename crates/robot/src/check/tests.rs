@@ -234,7 +234,6 @@ fn what_is_probably_not_meant_is_warned_of() {
             "speed_m_s = 1.6",
             "limits.speed_m_s = 1.6 m/s: wheels of limits.wheel_speed_rad_s = 15 rad/s reach 1.5",
         ),
-        ("cycle_us = 1000", "cycle_us = 1100", "bus.cycle_us = 1100: few drives take it"),
         (
             "mass_kg = 70.0            # w",
             "mass_kg = 80.0 # w",
@@ -244,6 +243,33 @@ fn what_is_probably_not_meant_is_warned_of() {
         let found = doubts(from, to);
         assert!(found.iter().any(|doubt| doubt.starts_with(setting)), "{to}: {found:?}");
     }
+}
+
+/// Of drives that don't say which cycles they take, unusual ones are doubted; those of one that does are refused.
+#[test]
+fn cycles_are_those_that_the_devices_take() {
+    let of = |text: &str, cycle_us: u32| {
+        check(&text.replace("cycle_us = 1000", &format!("cycle_us = {cycle_us}")))
+    };
+    let found = of(MECANUM, 1100).unwrap().doubts();
+    assert!(found[0].starts_with("bus.cycle_us = 1100: few drives take it"), "{found:?}");
+    for cycle_us in [125, 250, 1000, 4000] {
+        assert!(of(BMM, cycle_us).is_ok(), "{cycle_us}");
+    }
+    for cycle_us in [100, 300, 1100, 4125, 10_000] {
+        let problems = of(BMM, cycle_us).unwrap_err();
+        let text = show(&problems);
+        assert_eq!(problems.len(), 1, "told once: {text}");
+        for expected in ["bus.cycle_us", "device `sgdv`", "0x0035", "multiples of 125 us up to 4000 us"] {
+            assert!(text.contains(expected), "{expected}: {text}");
+        }
+    }
+    // From one SYNC0 to the next it is half of the cycle, or there is none.
+    let halved = BMM.replace("device = \"sgdv\"", "device = \"sgdv\"\ndc = { sync0_per_cycle = 2 }");
+    assert!(of(&halved, 8000).is_ok() && of(&halved, 4125).is_err());
+    let free =
+        BMM.replace("synchronisation = \"sync0\"", "synchronisation = \"free_run\"\nclock_source = \"host\"");
+    assert!(of(&free, 10_000).is_ok());
 }
 
 #[test]

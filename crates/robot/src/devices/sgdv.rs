@@ -8,6 +8,7 @@ use omnibase_cia402::{EncoderScale, ErrorCode};
 
 use super::{DeviceDefaults, pdo, written};
 use crate::config::Identity;
+use crate::registry::Sync0Cycles;
 
 /// A.A10 to A.A12: SYNC0, AL state and process data that don't come as they should (manual, section 9.1).
 const BUS_ALARMS: &[ErrorCode] = &[ErrorCode(0x0A10), ErrorCode(0x0A11), ErrorCode(0x0A12)];
@@ -48,5 +49,6 @@ pub(super) fn defaults() -> DeviceDefaults {
             written(0x605A, 6, "sgdv: quick stop: ramp of 0x6085, then hold"),
         ],
         bus_errors: BUS_ALARMS,
+        sync0_cycles: Some(Sync0Cycles { step_us: 125, longest_us: 4000 }),
     }
 }
