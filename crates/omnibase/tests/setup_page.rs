@@ -121,6 +121,13 @@ fn answer(page: &mut Browser, said: &str) {
     until(page, "the answer is taken", |seen| seen["asked"].is_null() || seen["number"] != asked);
 }
 
+/// Goes on with servos that are another product than the file has; the next motion waits then.
+fn go_on_with_servos(page: &mut Browser) {
+    until(page, "the products are asked", |seen| seen["asked"] == "products");
+    answer(page, "go on");
+    until(page, "a drive waits for its button", |seen| !seen["hold"].is_null());
+}
+
 /// Says an answer by a button or in words; the number of what is asked.
 fn say(page: &mut Browser, said: &str) -> Value {
     let asked = seen(page)["number"].clone();

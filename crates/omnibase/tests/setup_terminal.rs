@@ -50,6 +50,14 @@ impl Terminal {
         Terminal { script, keyboard, screen, read: 0 }
     }
 
+    /// One in which its servos, another product than the file has, are gone on with.
+    fn begun(output: &Path) -> Self {
+        let mut terminal = Terminal::new(output);
+        terminal.wait(&["or go on with these drives?"], |_| {});
+        terminal.press("go on\r");
+        terminal
+    }
+
     /// Whether one of these words came since the last that was waited for.
     fn seen(&mut self, words: &[&str]) -> Option<String> {
         let screen = self.screen.lock().unwrap();
@@ -112,7 +120,7 @@ fn running(output: &Path) -> Option<String> {
 fn a_drive_turns_while_the_space_bar_is_held_and_no_other_key_moves_it() {
     let folder = tempfile::tempdir().unwrap();
     let output = folder.path().join("mine.toml");
-    let mut terminal = Terminal::new(&output);
+    let mut terminal = Terminal::begun(&output);
     terminal.wait(&["hold the key: SubDevice 0 turns"], |_| {});
 
     // Other keys, Enter, and the bar once with another key behind it: nothing is enabled.
@@ -146,6 +154,7 @@ fn a_drive_turns_while_the_space_bar_is_held_and_no_other_key_moves_it() {
     assert!(has_turned, "{:?}", jogs(&output));
     // What was typed before a question was there doesn't answer it.
     terminal.press("wheel_1\nforward\n");
+    terminal.wait(&["lines typed before this question are dropped: 1"], |_| {});
     terminal.wait(&["which way did wheel_1 turn?"], |_| {});
     terminal.press("backward\n");
     terminal.wait(&["how many turns did wheel_1 make?"], |_| {});
@@ -188,7 +197,7 @@ fn a_signal_ends_a_motion_as_leaving_does() {
     let output = folder.path().join("mine.toml");
     // Again where the machine was too slow for a keyboard.
     for _ in 0..5 {
-        let mut terminal = Terminal::new(&output);
+        let mut terminal = Terminal::begun(&output);
         terminal.wait(&["hold the key: SubDevice 0 turns"], |_| {});
         let (begun, mut is_ended) = (Instant::now(), false);
         terminal.wait(&["the same command takes it up again"], |keyboard| {

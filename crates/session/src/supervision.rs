@@ -29,7 +29,7 @@ use firmware::FirmwareWatch;
 use registers::{COUNTERS, ClockDeviation, Look};
 
 pub use figures::{BusFigures, DatagramFigures, SubDeviceFigures};
-use health_words::HealthWords;
+pub use health_words::HealthWords;
 
 /// The bit in the tags of what others have done beside the cycle; the supervisor's own are without it.
 pub const OTHERS: u64 = 1 << 63;

@@ -9,6 +9,8 @@ use omnibase_ethercat::wire::coe::ObjectAddress;
 /// Below it are gaps, and data types that stand for gaps.
 pub(crate) const FIRST_OBJECT: u16 = 0x1000;
 
+const POSITION: u16 = 0x6064;
+
 /// Bytes of the objects that a jog needs, in the whole image.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DriveMap {
@@ -28,6 +30,8 @@ pub struct DriveMap {
     pub position: Range<usize>,
     /// Error code, 0x603F.
     pub error: Option<Range<usize>>,
+    /// All that the drive says beside its position.
+    pub others: Vec<Range<usize>>,
 }
 
 /// An object that must be mapped and isn't.
@@ -60,8 +64,13 @@ impl DriveMap {
             torque_limit: find(Direction::Outputs, 0x6072, 16),
             status: need(Direction::Inputs, 0x6041, 16)?,
             mode_shown: find(Direction::Inputs, 0x6061, 8),
-            position: need(Direction::Inputs, 0x6064, 32)?,
+            position: need(Direction::Inputs, POSITION, 32)?,
             error: find(Direction::Inputs, 0x603F, 16),
+            others: mapped(one, plan, Direction::Inputs)
+                .into_iter()
+                .filter(|(entry, _)| entry.object.index != POSITION)
+                .map(|(entry, bit)| bit / 8..(bit + usize::from(entry.bit_length)).div_ceil(8))
+                .collect(),
         })
     }
 }
@@ -117,7 +126,10 @@ pub(crate) type Objects = [Vec<(ObjectAddress, u8)>; 2];
 pub(crate) fn can_be_jogged([outputs, inputs]: &Objects) -> bool {
     let has =
         |all: &[(ObjectAddress, u8)], object, bits| all.contains(&(ObjectAddress::new(object, 0), bits));
-    has(outputs, 0x6040, 16) && has(outputs, 0x60FF, 32) && has(inputs, 0x6041, 16) && has(inputs, 0x6064, 32)
+    has(outputs, 0x6040, 16)
+        && has(outputs, 0x60FF, 32)
+        && has(inputs, 0x6041, 16)
+        && has(inputs, POSITION, 32)
 }
 
 #[cfg(test)]

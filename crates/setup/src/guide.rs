@@ -5,6 +5,7 @@ mod apart;
 mod at_start;
 mod before;
 mod brakes;
+mod error;
 mod floor;
 mod jogging;
 mod naming;
@@ -16,19 +17,20 @@ mod tests;
 
 use before::Before;
 pub use before::MOST_JOG_TORQUE_PER_MILLE;
+pub use error::SetupError;
 pub use floor::Calibrated;
 
 use std::time::Duration;
 
 use omnibase_ethercat::subdevice::SubDevice;
-use omnibase_ethercat::wire::{Clock, Link, LinkError};
+use omnibase_ethercat::wire::{Clock, Link};
 use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_robot::Registry;
 use omnibase_robot::config::{DrivePlan, DriveScale, Identity, RobotPlan, SpeedUnit};
 
 use crate::hand::{Answer, Hand, Question};
 use crate::record::{FoundDrive, Record, Step};
-use crate::robot_file::{self, RobotFileError};
+use crate::robot_file;
 
 /// What is known before, and how the drives are turned.
 #[derive(Clone, Debug)]
@@ -61,64 +63,6 @@ impl Wished {
     }
 }
 
-/// Why a set-up can't go on.
-#[derive(Debug, thiserror::Error)]
-pub enum SetupError {
-    /// The segment can't be opened.
-    #[error("{0}")]
-    Open(String),
-    /// The bus refuses.
-    #[error("{0}")]
-    Bus(String),
-    /// What drives hold can't be kept, so no jog writes over it.
-    #[error("what the drives hold can't be kept, so nothing is written into them: {0}")]
-    Unkept(String),
-    /// An EEPROM is half-written.
-    #[error("{0}. The same set-up, taken up again, makes it whole")]
-    BrokenOff(String),
-    /// The port is broken.
-    #[error(transparent)]
-    Link(#[from] LinkError),
-    /// Other drives are there than were found.
-    #[error(
-        "this set-up found {expected} at position {position}, now there is {found}: plug and power it as it was and take the \
-         set-up up again, or begin a new one"
-    )]
-    Changed {
-        /// Position on the bus.
-        position: u16,
-        /// Who was there.
-        expected: String,
-        /// Who is.
-        found: String,
-    },
-    /// It was begun with another robot's file.
-    #[error(
-        "this set-up was begun with the file of a robot with other wheels, or at other places: give that one, or begin anew"
-    )]
-    OtherRobot,
-    /// There are fewer drives than wheels.
-    #[error(
-        "the file has {wheels} wheels, on the bus are {drives} drives of the profile CiA 402 that may turn one (who is a device of the \
-         file, or turns no wheel as was said, isn't counted)"
-    )]
-    TooFewDrives {
-        /// Wheels of the file.
-        wheels: usize,
-        /// Drives found.
-        drives: usize,
-    },
-    /// The file's devices aren't where it has them.
-    #[error(
-        "the file's [[device]] tables aren't what is on the bus, so nothing is turned: {0}. Put them right in the file of --robot, or plug \
-         and name (`omnibase eeprom alias`) the devices so, and give the same command again"
-    )]
-    Devices(String),
-    /// The file.
-    #[error(transparent)]
-    File(#[from] RobotFileError),
-}
-
 /// What became of a set-up.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Ended {
@@ -133,6 +77,10 @@ pub type BackUp<'a> = &'a mut dyn FnMut(u16, &[u8]) -> Result<(), String>;
 
 /// Keeps a record somewhere; an error says in words why it couldn't.
 pub type Keep<'a> = &'a mut dyn FnMut(&Record) -> Result<(), String>;
+
+/// Writes this text as the robot's file, whole at every instant; the record says what may be written over. An error says in words why
+/// it stays as it was.
+pub type WriteFile<'a> = &'a mut dyn FnMut(&Record, &str) -> Result<(), String>;
 
 /// A way to the segment: link and clock, as often as it is asked for.
 pub type Open<'a, C> = &'a mut dyn FnMut() -> Result<(Box<dyn Link>, C), String>;
@@ -151,6 +99,7 @@ pub struct Guide<'a, C: Clock> {
     /// Called with the record after each thing that was done.
     pub(crate) keep: Keep<'a>,
     pub(crate) back_up: BackUp<'a>,
+    write: WriteFile<'a>,
     /// What drives held before the jogs of this program, until it is put back.
     pub(crate) written: Vec<Before>,
     /// How many SubDevices were on the bus when the last motion began.
@@ -165,6 +114,8 @@ pub struct Outside<'a> {
     pub keep: Keep<'a>,
     /// Keeps what an EEPROM held, of the SubDevice at this position, before it is written; an error leaves it unwritten.
     pub back_up: BackUp<'a>,
+    /// Writes the robot's file.
+    pub write: WriteFile<'a>,
 }
 
 /// Answers that aren't one, after which the set-up is left: a program that can't answer would be asked for ever.
@@ -243,10 +194,10 @@ impl<'a, C: Clock> Guide<'a, C> {
         wished: Wished,
         record: Record,
         open: Open<'a, C>,
-        Outside { hand, keep, back_up }: Outside<'a>,
+        Outside { hand, keep, back_up, write }: Outside<'a>,
     ) -> Result<Self, SetupError> {
         let plan = robot_file::plan(&wished.base, &Registry::with_built_in())?;
-        Ok(Guide { wished, plan, open, hand, record, keep, back_up, written: Vec::new(), on_bus: 0 })
+        Ok(Guide { wished, plan, open, hand, record, keep, back_up, write, written: Vec::new(), on_bus: 0 })
     }
 
     /// A segment on which nothing was looked at yet.
@@ -327,7 +278,7 @@ impl<'a, C: Clock> Guide<'a, C> {
                 Step::Parameters => self.parameters()?,
                 Step::Name => self.name_all()?,
                 Step::Brake => self.brakes()?,
-                Step::File => self.is_startable()?,
+                Step::File => self.file()?,
                 Step::FirstMetre => self.first_metre()?,
                 Step::Calibration => self.calibrate()?,
             };
@@ -353,6 +304,25 @@ impl<'a, C: Clock> Guide<'a, C> {
         }
         self.record.drives = drives;
         self.are_enough(self.record.drives.len())?;
+        Ok(true)
+    }
+
+    /// Writes the robot's file. What it shall be is on record before: whoever takes the set-up up again knows it for its own.
+    pub fn write_file(&mut self, text: &str) -> Result<(), SetupError> {
+        self.record.to_be_written = Some(text.to_owned());
+        let written = (self.keep)(&self.record).and_then(|()| (self.write)(&self.record, text));
+        let text = self.record.to_be_written.take();
+        written.map_err(SetupError::Unwritten)?;
+        self.record.written = text;
+        Ok(())
+    }
+
+    /// The robot's file is where it belongs before that is on record.
+    fn file(&mut self) -> Result<bool, SetupError> {
+        if !self.is_startable()? {
+            return Ok(false);
+        }
+        self.write_file(&self.text()?)?;
         Ok(true)
     }
 

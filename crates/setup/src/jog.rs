@@ -1,6 +1,6 @@
 //! One drive turned slowly with little torque, while the key is held.
 
-use std::fmt;
+mod end;
 
 use omnibase_cia402::{
     ControlWord, DriveRequest, Enabling, ErrorCode, Feedback, Mode, Progress, Settings, StatusWord, Targets,
@@ -15,6 +15,10 @@ use crate::dead_man::DeadMan;
 use crate::drive::DriveMap;
 use crate::hand::{Hand, Key};
 
+pub(crate) use end::astray;
+use end::away;
+pub use end::{JogEnd, Still};
+
 /// Cycles that a drive may take to be disabled again.
 const END_CYCLES: u32 = 1000;
 /// How long a wheel that was turned may roll on when nobody drives it, ns: who looks at it sees that, too.
@@ -27,6 +31,11 @@ const WAITING_CYCLES: u32 = 60_000;
 const WINDOW_CYCLES: usize = 50;
 /// Cycles without an answer after which nothing is moved any more.
 const LOST_CYCLES: u32 = 3;
+/// A position is still that didn't follow what was told for so long at the jog's speed, ns; and for so many counts.
+const STILL_NS: f64 = 5e8;
+const LEAST_STILL: f64 = 10.0;
+/// Cycles in which everybody is asked who doesn't answer.
+const ASKED_CYCLES: u32 = 200;
 
 /// How a drive is turned.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -59,58 +68,6 @@ impl JogPlan {
     }
 }
 
-/// Why a jog ended.
-#[derive(Clone, Debug, PartialEq)]
-pub enum JogEnd {
-    /// The key was let go.
-    LetGo,
-    /// The key was held as long as a motion may last.
-    Longest,
-    /// Whoever held the key is gone.
-    Gone,
-    /// The key was never held.
-    NeverHeld,
-    /// It turns otherwise than it is told: the other way, as where the encoder counts against the motor and the drive drives it ever
-    /// faster; or much faster.
-    Runaway {
-        /// Counts per cycle that were told.
-        told: f64,
-        /// Counts per cycle that were seen.
-        seen: f64,
-    },
-    /// The drive didn't do as it was told, in its own words.
-    Drive(String),
-    /// Frames were lost.
-    Lost,
-}
-
-impl JogEnd {
-    /// Nobody held the key for long enough to try anything.
-    pub(crate) fn is_untried(&self) -> bool {
-        matches!(self, JogEnd::LetGo | JogEnd::NeverHeld)
-    }
-}
-
-impl fmt::Display for JogEnd {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            JogEnd::LetGo => f.write_str("the key was let go"),
-            JogEnd::Longest => f.write_str("it took as long as a motion may"),
-            JogEnd::Gone => f.write_str("whoever held the key was gone"),
-            JogEnd::NeverHeld => f.write_str("the key was never held"),
-            JogEnd::Runaway { told, seen } => {
-                write!(
-                    f,
-                    "told {told:.1} counts a cycle, its encoder counted {seen:.1}: {}",
-                    astray(*told, *seen)
-                )
-            }
-            JogEnd::Drive(words) => f.write_str(words),
-            JogEnd::Lost => f.write_str("frames were lost"),
-        }
-    }
-}
-
 /// How a jog went.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Jog {
@@ -122,6 +79,8 @@ pub struct Jog {
     pub enabled_cycles: u32,
     /// Cycles in which a speed was told.
     pub moving_cycles: u32,
+    /// The position didn't change any more.
+    pub still: Option<Still>,
     /// Cycles in whose frames the drive was told to be in operation though no key was held, by the bytes themselves, until it was
     /// disabled; must be 0.
     pub unheld_cycles: u32,
@@ -145,6 +104,42 @@ pub struct Jogger<'a, L: Link, C: Clock> {
 struct Ended {
     cycles: u32,
     position: i32,
+}
+
+/// Since when the position stays the same.
+#[derive(Default)]
+struct Stillness {
+    cycles: u32,
+    /// What was told meanwhile, counts.
+    told: f64,
+    others_changed: bool,
+    /// Those of the cycle before.
+    inputs: Vec<u8>,
+}
+
+impl Stillness {
+    fn cycle(&mut self, step: i64, told: f64, inputs: &[u8], others: &[std::ops::Range<usize>]) {
+        if step != 0 {
+            (self.cycles, self.told, self.others_changed) = (0, 0.0, false);
+        } else if told != 0.0 {
+            self.cycles += 1;
+            self.told += told.abs();
+            self.others_changed |=
+                others.iter().any(|range| inputs[range.clone()] != self.inputs[range.clone()]);
+        }
+        self.inputs.copy_from_slice(inputs);
+    }
+
+    /// Whether it is worth a word: a wheel takes a while until it follows.
+    fn end(&self, plan: &JogPlan, cycle_ns: u64, position: i32) -> Option<Still> {
+        let least = plan.counts_per_cycle.abs() * STILL_NS / cycle_ns as f64;
+        let seconds = f64::from(self.cycles) * cycle_ns as f64 / 1e9;
+        (self.cycles > 0 && self.told >= least.max(LEAST_STILL)).then_some(Still {
+            seconds,
+            position,
+            others_changed: self.others_changed,
+        })
+    }
 }
 
 /// What the drive is told in a cycle.
@@ -173,8 +168,10 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             travel_counts: 0,
             enabled_cycles: 0,
             moving_cycles: 0,
+            still: None,
             unheld_cycles: 0,
         };
+        let mut stillness = Stillness { inputs: self.image.inputs.to_vec(), ..Stillness::default() };
         let mut speeds = [0.0; WINDOW_CYCLES];
         let (mut lost, mut ramp, mut cycles, mut was_held, mut is_told) = (0, 0, 0u32, false, false);
         let (mut last, mut periods) = (self.inputs().position, 1);
@@ -223,13 +220,17 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             periods = times.periods;
             lost = if exchange == Exchange::Complete { 0 } else { lost + 1 };
             if lost > LOST_CYCLES {
-                break JogEnd::Lost;
+                break JogEnd::Lost(String::new());
             }
             let position = self.inputs().position;
             let step = i64::from(position.wrapping_sub(last));
             last = position;
             jog.travel_counts += step;
             hand.moves(progress == Progress::Running, jog.travel_counts as f64);
+            if progress == Progress::Running && exchange == Exchange::Complete {
+                let told = if speed == 0 { 0.0 } else { plan.counts_per_cycle * share };
+                stillness.cycle(step, told, &self.image.inputs, &self.map.others);
+            }
             speeds[cycles as usize % WINDOW_CYCLES] = step as f64;
             let told = if plan.speed_units == 0 { 0.0 } else { plan.counts_per_cycle * share };
             let seen = runs_away(&speeds, told).or_else(|| {
@@ -241,8 +242,12 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             }
         };
         jog.end = end;
+        jog.still = stillness.end(plan, self.cycle_ns, last);
         let from = Ended { cycles, position: last };
         self.end(plan, hand, &mut enabling, from, &mut jog)?;
+        if let JogEnd::Lost(words) = &mut jog.end {
+            *words = self.who_is_away()?;
+        }
         hand.moves(false, jog.travel_counts as f64);
         Ok(jog)
     }
@@ -253,8 +258,8 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
     }
 
     /// Tells the drive nothing for so many cycles, so it stays disabled; how far it moved all the same, counts from the least
-    /// to the greatest position; `None` where frames were lost, for then nobody saw it.
-    pub fn watch(&mut self, cycles: u32) -> Result<Option<i64>, LinkError> {
+    /// to the greatest position; in words who didn't answer where frames were lost, for then nobody saw it.
+    pub fn watch(&mut self, cycles: u32) -> Result<Result<i64, String>, LinkError> {
         self.image.outputs.copy_from_slice(self.rest);
         self.paced.exchange(self.image)?;
         let mut last = self.inputs().position;
@@ -263,14 +268,24 @@ impl<L: Link, C: Clock> Jogger<'_, L, C> {
             let (exchange, _) = self.paced.exchange(self.image)?;
             lost = if exchange == Exchange::Complete { 0 } else { lost + 1 };
             if lost > LOST_CYCLES {
-                return Ok(None);
+                return Ok(Err(self.who_is_away()?));
             }
             let position = self.inputs().position;
             travel += i64::from(position.wrapping_sub(last));
             last = position;
             (least, greatest) = (travel.min(least), travel.max(greatest));
         }
-        Ok(Some(greatest - least))
+        Ok(Ok(greatest - least))
+    }
+
+    /// Who doesn't answer, or isn't in OP any more, in words; nobody is told anything meanwhile.
+    fn who_is_away(&mut self) -> Result<String, LinkError> {
+        self.image.outputs.copy_from_slice(self.rest);
+        let mut last = Exchange::Complete;
+        for _ in 0..ASKED_CYCLES {
+            (last, _) = self.paced.exchange(self.image)?;
+        }
+        Ok(away(self.paced.bus(), last))
     }
 
     /// Whether the drive is told to be in operation by the frame that leaves next.
@@ -360,17 +375,6 @@ pub(crate) fn enables(control: [u8; 2]) -> bool {
     ControlWord(u16::from_le_bytes(control)).contains(ControlWord::COMMAND_ENABLE_OPERATION)
 }
 
-/// What counts that weren't told mean, in words.
-pub(crate) fn astray(told: f64, seen: f64) -> &'static str {
-    match told * seen {
-        along if along > 0.0 => {
-            "it has more counts per turn, or another unit of speeds, than the file says, or more is told to it"
-        }
-        against if against < 0.0 => "it counts the wrong way",
-        _ => "it moves though it shall stand",
-    }
-}
-
 /// The counts per cycle of a drive that turns three times as fast as it is told, or as fast the other way.
 fn runs_away(speeds: &[f64; WINDOW_CYCLES], told: f64) -> Option<f64> {
     let seen = speeds.iter().sum::<f64>() / WINDOW_CYCLES as f64;
@@ -388,14 +392,6 @@ fn leaves_its_place(speeds: &[f64; WINDOW_CYCLES], usual: f64) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-
-    #[test]
-    fn a_drive_that_turns_too_fast_is_not_said_to_count_the_wrong_way() {
-        let words = |told, seen| JogEnd::Runaway { told, seen }.to_string();
-        assert!(words(5.3, 19.1).contains("more counts per turn, or another unit of speeds"));
-        assert!(words(5.3, -6.7).ends_with("it counts the wrong way"));
-        assert!(words(0.0, 31.0).ends_with("it moves though it shall stand"));
-    }
 
     #[test]
     fn a_drive_that_shall_stand_runs_away_in_either_direction() {

@@ -25,6 +25,6 @@ pub use guide::{
     BackUp, Calibrated, Ended, Guide, MOST_JOG_TORQUE_PER_MILLE, Open, Outside, SetupError, Wished,
 };
 pub use hand::{Answer, Hand, Key, Question};
-pub use jog::{Jog, JogEnd, JogPlan};
+pub use jog::{Jog, JogEnd, JogPlan, Still};
 pub use record::{AliasWrite, FoundDevice, FoundDrive, Leg, PassedOver, Record, Step, Turned};
 pub use turns::{COMMON_RESOLUTIONS, likely_resolution};

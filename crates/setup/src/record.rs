@@ -219,12 +219,18 @@ pub struct Record {
     /// SubDevices that turn no wheel, by position.
     #[serde(default)]
     pub others: Vec<FoundDevice>,
+    /// Products, as vendor and product code, that no wheel of the file has and somebody goes on with.
+    #[serde(default)]
+    pub products_meant: Vec<(u32, u32)>,
     /// The robot that the set-up was begun with: its wheels and their places, in words to be compared.
     #[serde(default)]
     pub robot: Option<String>,
     /// The robot's file as it was written last.
     #[serde(default)]
     pub written: Option<String>,
+    /// The same as it is being written.
+    #[serde(default)]
+    pub to_be_written: Option<String>,
     /// An alias whose writing isn't over.
     #[serde(default)]
     pub writing: Option<AliasWrite>,

@@ -125,7 +125,7 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let record = match before {
         Some(record) if !arguments.anew => {
             note(format_args!("taken up from `{}`; --anew begins anew", state.display()));
-            record
+            with_file(record, &arguments.output)?
         }
         before => {
             if let Some(aside) = set_aside(&arguments.output, &state)? {
@@ -160,16 +160,18 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     let mut back_up = |position: u16, bytes: &[u8]| {
         back_up(&arguments.output, position, bytes).map_err(|error| format!("{error:#}"))
     };
-    let outside = Outside { hand: hand.as_hand(), keep: &mut keep, back_up: &mut back_up };
-    let begun = record.clone();
+    let mut write = |record: &Record, text: &str| {
+        write_own(&arguments.output, &told, record, text).map_err(|error| format!("{error:#}"))
+    };
+    let outside = Outside { hand: hand.as_hand(), keep: &mut keep, back_up: &mut back_up, write: &mut write };
     let mut guide = Guide::new(wished, record, &mut open, outside)?;
     let ended = guide.run();
-    let mut record = guide.record.clone();
-    let calibrated = if record.takes_calibration { guide.calibrated() } else { Ok(None) };
+    let calibrated = if guide.record.takes_calibration { guide.calibrated() } else { Ok(None) };
+    let finished = ended
+        .map_err(Into::into)
+        .and_then(|ended| finished(ended, calibrated, &mut |text| guide.write_file(text)));
+    let record = guide.record.clone();
     let finish = || {
-        let finished = ended
-            .map_err(Into::into)
-            .and_then(|ended| finished(&arguments.output, &begun, ended, calibrated, &mut record.written));
         write_whole(&state, record.to_json())?;
         write_whole(&told, in_words(&record))?;
         finished
@@ -205,13 +207,27 @@ pub fn run(arguments: &Arguments, output: &mut dyn Write) -> anyhow::Result<Outc
     }
 }
 
-/// Writes what it came to, and keeps it as `written`; whether it is the whole file. `begun` is what was known of it at the start.
+/// What a set-up was left with; the step that writes the robot's file is to be done again where that isn't there.
+fn with_file(mut record: Record, output: &Path) -> anyhow::Result<Record> {
+    if record.done.contains(&Step::File) && what_is_there(output)?.is_none() {
+        note(format_args!("`{}` isn't there: it is written again", output.display()));
+        record.done.retain(|step| *step != Step::File);
+    }
+    Ok(record)
+}
+
+/// Writes the robot's file, unless it is somebody else's by now: a set-up takes its time.
+fn write_own(output: &Path, told: &Path, record: &Record, text: &str) -> anyhow::Result<()> {
+    is_own(output, told, Some(record))
+        .context("what was found is kept: put that file elsewhere, and take the set-up up again")?;
+    write_whole(output, text)
+}
+
+/// Writes what it came to; whether it is the whole file.
 fn finished(
-    output: &Path,
-    begun: &Record,
     ended: Ended,
     calibrated: Result<Option<Calibrated>, SetupError>,
-    written: &mut Option<String>,
+    write: &mut dyn FnMut(&str) -> Result<(), SetupError>,
 ) -> anyhow::Result<bool> {
     let (text, is_whole) = match ended {
         Ended::Left(text) => (text, false),
@@ -225,11 +241,7 @@ fn finished(
     };
     // Whatever came of the tape, the file is there.
     let text = with_wheels.as_ref().unwrap_or(&text);
-    // A set-up takes its time: somebody may have changed it meanwhile.
-    is_own(output, &beside(output, "record.md"), Some(begun))
-        .context("what was found is kept: put that file elsewhere, and take the set-up up again")?;
-    write_whole(output, text)?;
-    *written = Some(text.clone());
+    write(text)?;
     with_wheels.context("the file is written without the wheels that the tape found: measure again")?;
     Ok(is_whole)
 }
@@ -263,8 +275,8 @@ fn free(file: &Path, name: &str, end: &str) -> anyhow::Result<PathBuf> {
 }
 
 /// What a set-up that is begun anew must know of the one before: files, an EEPROM and drives that it didn't leave whole.
-fn anew(Record { written, writing, jogged, .. }: Record) -> Record {
-    Record { written, writing, jogged, ..Record::default() }
+fn anew(Record { written, to_be_written, writing, jogged, .. }: Record) -> Record {
+    Record { written, to_be_written, writing, jogged, ..Record::default() }
 }
 
 /// Keeps a state beside itself; it stays what it is until a new one is written over it.
@@ -348,14 +360,17 @@ fn what_is_there(path: &Path) -> anyhow::Result<Option<Vec<u8>>> {
 fn is_own(file: &Path, told: &Path, before: Option<&Record>) -> anyhow::Result<()> {
     if let Some(found) = what_is_there(file)? {
         let has_written = before.is_some_and(|record| record.done.contains(&Step::File));
-        let written = before.and_then(|record| record.written.as_ref());
+        let known = before
+            .map_or([None, None], |record| [&record.written, &record.to_be_written].map(Option::as_ref));
+        let mut known = known.into_iter().flatten().peekable();
+        let is_known = known.peek().is_some();
         anyhow::ensure!(
-            written.is_some() || has_written,
+            is_known || has_written,
             "`{}` exists, and no set-up wrote it: give --output another name",
             file.display()
         );
         anyhow::ensure!(
-            written.is_none_or(|written| written.as_bytes() == found),
+            !is_known || known.any(|text| text.as_bytes() == found),
             "`{0}` was changed since the set-up wrote it, and would be written over: give --output another name, with --robot {0} \
              where you want to go on from there",
             file.display()

@@ -1,7 +1,7 @@
 //! Another program answers at the page's address: what it asks is its own, though it has the number of the question before.
 
 use super::relay::Relay;
-use super::{BMM, ROOT, answer, browser, open, say, seen, set_up, until};
+use super::{BMM, ROOT, answer, browser, go_on_with_servos, open, say, seen, set_up, until};
 use omnibase_setup::{AliasWrite, Record};
 use std::path::Path;
 use std::time::Duration;
@@ -49,7 +49,7 @@ fn another_program_asks_its_own_question_and_hears_no_answer_to_the_one_before()
     assert!(kept(22_222).writing.is_some(), "nobody said that to this one");
 
     answer(&mut page, "gone");
-    until(&mut page, "a drive waits for its button", |seen| !seen["hold"].is_null());
+    go_on_with_servos(&mut page);
     page.click("#leave");
     until(&mut page, "it is left", |seen| !seen["over"].is_null());
     assert_eq!(second.0.wait().unwrap().code(), Some(1));

@@ -1,6 +1,6 @@
 //! An alias whose writing broke off is finished on the page.
 
-use super::{answer, browser, open, seen, set_up, simulated, unknown, until};
+use super::{answer, browser, go_on_with_servos, open, seen, set_up, simulated, unknown, until};
 use omnibase_ethercat::wire::{HostTime, Link, LinkError, sii};
 use omnibase_ethercat::{Bus, BusOptions};
 use omnibase_host::{MonotonicClock, Namespace, PacketSocket};
@@ -80,7 +80,7 @@ fn half_an_alias_is_made_whole_by_a_button() {
             assert!(page.value(&button) == true, "{choice}: {}", seen(&mut page));
         }
         answer(&mut page, "the rest");
-        until(&mut page, "the set-up goes on", |seen| !seen["hold"].is_null());
+        go_on_with_servos(&mut page);
         let record: Value = serde_json::from_str(&std::fs::read_to_string(&state).unwrap()).unwrap();
         assert!(record["writing"].is_null(), "{record}");
         assert!(record["log"].to_string().contains("alias 77 written into its EEPROM"), "{record}");

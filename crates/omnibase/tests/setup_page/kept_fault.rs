@@ -1,6 +1,9 @@
 //! A drive that kept a fault, at the page.
 
-use super::{LOOKS, ROOT, answer, browser, hold, motions, open, seen, set_up, simulated, unknown, until};
+use super::{
+    LOOKS, ROOT, answer, browser, go_on_with_servos, hold, motions, open, seen, set_up, simulated, unknown,
+    until,
+};
 use crate::dashboard::browser::LONGEST;
 use omnibase_host::Namespace;
 use std::path::Path;
@@ -20,6 +23,7 @@ fn a_drive_that_kept_a_fault_is_acknowledged_by_the_held_button() {
         let _simulator = simulated(Path::new(&segment), &["--fault", "drive-fault@0:0:0x7300"]);
         let (_process, at) = set_up(&base, Namespace::NEAR, &output, &["--realtime"]);
         open(&mut page, &at);
+        go_on_with_servos(&mut page);
         let told = "document.body.textContent.includes('whoever holds the button acknowledges that')";
         let turned = (0..LOOKS).any(|_| {
             let now = until(&mut page, "something is asked", |seen| {

@@ -1,7 +1,9 @@
 //! A page that falls silent, and a connection that is late: nothing moves.
 
 use super::relay::{Line, Relay};
-use super::{BMM, LOOKS, ROOT, answer, browser, hold, motions, open, say, seen, set_up, until};
+use super::{
+    BMM, LOOKS, ROOT, answer, browser, go_on_with_servos, hold, motions, open, say, seen, set_up, until,
+};
 use crate::dashboard::browser::{Browser, LONGEST};
 use std::path::Path;
 use std::time::{Duration, Instant};
@@ -16,6 +18,7 @@ fn a_page_that_falls_silent_takes_the_torque_off() {
     let (_process, at) = set_up(Path::new(BMM), &segment, &output, &[]);
     let relay = Relay::start(&at);
     open(&mut page, &relay.at);
+    go_on_with_servos(&mut page);
     type Loss<'a> = &'a dyn Fn(&mut Browser);
     let lost: [(&str, Loss<'_>); 6] = [
         ("let go", &|page| {
@@ -104,9 +107,9 @@ fn a_connection_that_is_late_moves_nothing() {
     let segment = format!("sim:{ROOT}/segments/three-servos.toml");
     let (mut process, at) = set_up(Path::new(BMM), &segment, &output, &[]);
     let relay = Relay::start(&at);
-    relay.set(Line::Late(Duration::from_millis(300)));
     open(&mut page, &relay.at);
-    until(&mut page, "a drive waits for its button", |seen| !seen["hold"].is_null());
+    go_on_with_servos(&mut page);
+    relay.set(Line::Late(Duration::from_millis(300)));
     let place = page.middle("#hold");
     page.mouse("mousePressed", place);
     until(&mut page, "late beats are counted", |seen| seen["late"].as_u64() > Some(20));

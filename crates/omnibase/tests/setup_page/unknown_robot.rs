@@ -97,6 +97,7 @@ fn an_unknown_robot_behind_a_cable_is_set_up_on_the_page() {
                 "gear" => robot.gear.to_string(),
                 "counts" => robot.counts.to_string(),
                 "again" => "again".to_owned(),
+                "differs" => "another gear or encoder".to_owned(),
                 "name" if !has_left => {
                     // Left, and taken up again on another page.
                     has_left = true;

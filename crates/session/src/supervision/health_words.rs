@@ -6,7 +6,7 @@ use omnibase_ethercat::cyclic::Health;
 use omnibase_ethercat::wire::AlState;
 
 /// A SubDevice's health in words.
-pub(super) struct HealthWords(pub(super) Health);
+pub struct HealthWords(pub Health);
 
 impl fmt::Display for HealthWords {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {

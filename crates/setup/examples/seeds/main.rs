@@ -28,7 +28,7 @@ fn main() {
         };
         let wrong = differences(&robot, &found.text);
         let square = drive_square(&robot, &found.text);
-        let told = found.record.findings.iter().any(|finding| finding.contains("counts against its motor"));
+        let told = found.record.findings.iter().any(|finding| finding.contains("counted against its motor"));
         wired += u64::from(robot.turned_encoder.is_some());
         found_wires += u64::from(robot.turned_encoder.is_some() && told);
         right += u64::from(wrong.is_empty());

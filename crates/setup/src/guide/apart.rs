@@ -1,10 +1,11 @@
 //! Who of the drives on the bus turns a wheel. Others, the lift of the robot's file for one, are never jogged.
 
+use std::collections::BTreeSet;
 use std::fmt::Write as _;
 
 use omnibase_ethercat::subdevice::SubDevice;
 use omnibase_ethercat::wire::Clock;
-use omnibase_robot::config::{BusPlace, DevicePlan, DrivePlan};
+use omnibase_robot::config::{BusPlace, DevicePlan, DrivePlan, Identity};
 use omnibase_robot::peripherals::AXIS;
 
 use super::{
@@ -151,6 +152,50 @@ impl<C: Clock> Guide<'_, C> {
         if drives < wheels { Err(SetupError::TooFewDrives { wheels, drives }) } else { Ok(()) }
     }
 
+    /// Who is another product than the file's wheels have is asked about once: the file may be another robot's. `false` where it is left.
+    pub(super) fn are_products_meant(&mut self, drives: &[FoundDrive]) -> Result<bool, SetupError> {
+        let is_meant = |one: &&FoundDrive| self.plan.drives.iter().any(|plan| is_product(plan, one));
+        let others: Vec<&FoundDrive> = drives.iter().filter(|one| !is_meant(one)).collect();
+        let found =
+            |one: &FoundDrive| format!("vendor 0x{:08x} product 0x{:08x}", one.vendor_id, one.product_code);
+        let texts = others.iter().map(|one| {
+            format!(
+                "SubDevice {} is {}, and no wheel of the file has that: put `device` and its maps right before it is driven \
+                 (`omnibase scan --toml` shows them)",
+                one.position,
+                found(one)
+            )
+        });
+        let texts: Vec<String> = texts.collect();
+        let is_new =
+            |one: &&FoundDrive| !self.record.products_meant.contains(&(one.vendor_id, one.product_code));
+        let new: Vec<FoundDrive> = others.into_iter().filter(is_new).cloned().collect();
+        if new.is_empty() {
+            self.tell_found_of("products", texts);
+            return Ok(true);
+        }
+        self.record.found_of("products", texts);
+        let wheels =
+            self.plan.drives.iter().map(|plan| format!("`{}` ({})", plan.device, expected(&plan.identity)));
+        let wheels: BTreeSet<String> = wheels.collect();
+        let on_bus =
+            new.iter().map(|one| format!("SubDevice {} ({}): {}", one.position, one.name, found(one)));
+        let text = format!(
+            "the file's wheels have {}, and on the bus are {}. Is it another robot's file? Jogs would use these drives as they are by themselves, \
+             but the robot's file would have that device's maps and parameters. Leave, and put `device` right; or go on with these drives?",
+            Vec::from_iter(wheels).join(", "),
+            Vec::from_iter(on_bus).join(", ")
+        );
+        match self.choose("products".to_owned(), text, &["go on".to_owned()]) {
+            Err(Leave) => Ok(false),
+            Ok(_) => {
+                self.record.note("gone on with drives that are other products than the file's wheels have");
+                self.record.products_meant.extend(new.iter().map(|one| (one.vendor_id, one.product_code)));
+                Ok(true)
+            }
+        }
+    }
+
     /// A drive that isn't turned here: whatever was seen of it counts no more.
     fn leave_alone(&mut self, drives: &mut Vec<FoundDrive>, drive: &FoundDrive, why: &str) {
         let text = format!("SubDevice {} {why}: not turned here", drive.position);
@@ -218,7 +263,7 @@ fn places<'p>(devices: &'p [DevicePlan], on_bus: &[SubDevice]) -> Result<Vec<(u1
                 }
             }
             [one] if !is_its(device, one) => {
-                let _ = write!(words, " ({}), and there is {}", expected(device), who(&seen(one)));
+                let _ = write!(words, " ({}), and there is {}", expected(&device.identity), who(&seen(one)));
             }
             [one] => match places.iter().find(|(at, _)| *at == one.position) {
                 None => {
@@ -265,12 +310,9 @@ pub(super) fn is_its(device: &DevicePlan, one: &SubDevice) -> bool {
 }
 
 /// Who must be there.
-fn expected(device: &DevicePlan) -> String {
-    let numbers = [
-        ("vendor", device.identity.vendor_id),
-        ("product", device.identity.product_code),
-        ("revision", device.identity.revision),
-    ];
+fn expected(identity: &Identity) -> String {
+    let numbers =
+        [("vendor", identity.vendor_id), ("product", identity.product_code), ("revision", identity.revision)];
     let given = numbers.into_iter().filter_map(|(what, number)| Some(format!("{what} 0x{:08x}", number?)));
     given.collect::<Vec<_>>().join(" ")
 }

@@ -265,7 +265,7 @@ impl<C: Clock> Guide<'_, C> {
     /// it is left. Who isn't there stays remembered until somebody says that he is gone for good.
     pub(super) fn are_as_stored(&mut self) -> Result<bool, SetupError> {
         self.leave_as_found();
-        let (mut needed, mut there) = (0, Vec::new());
+        let (mut needed, mut there, mut is_asked) = (0, Vec::new(), false);
         let mut lost = BTreeSet::new();
         for _ in 0..ATTEMPTS {
             if self.record.jogged.is_empty() {
@@ -302,11 +302,17 @@ impl<C: Clock> Guide<'_, C> {
                     }
                 }
             };
-            let text = format!(
-                "a jog was cut off, and {kept} hold what it wrote (max torque, mode, synchronisation) until they are switched off and on: \
-                 switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they \
-                 are up; or go on with what they hold now, as theirs?"
-            );
+            let text = if std::mem::replace(&mut is_asked, true) && kept != "drives" {
+                format!(
+                    "{kept} never lost their supply since that was asked: switch it off and on; or go on with what they hold now?"
+                )
+            } else {
+                format!(
+                    "a jog was cut off, and {kept} hold what it wrote (max torque, mode, synchronisation) until they are switched off and on: \
+                     switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they \
+                     are up; or go on with what they hold now, as theirs?"
+                )
+            };
             let choices = ["done", "go on"].map(str::to_owned);
             match self.choose("jogged".to_owned(), text, &choices) {
                 Err(Leave) => return Ok(false),

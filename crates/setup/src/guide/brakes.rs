@@ -86,12 +86,13 @@ impl<C: Clock> Guide<'_, C> {
         if self.choose(format!("push {number}"), text, &["done".to_owned()]).is_err() {
             return Ok(Err(Leave));
         }
-        let Some(span) = self.watch(number, PUSHED_S)? else {
-            let why = format!(
-                "{wheel}: frames were lost while it was pushed, so nobody saw whether its brake holds: look at the cables"
-            );
-            self.tell_failed(Step::Brake, wheel, why);
-            return Ok(Ok(false));
+        let span = match self.watch(number, PUSHED_S)? {
+            Ok(span) => span,
+            Err(away) => {
+                let why = format!("{wheel}: nobody saw whether its brake holds while it was pushed: {away}");
+                self.tell_failed(Step::Brake, wheel, why);
+                return Ok(Ok(false));
+            }
         };
         let turns = span as f64 / self.record.drives[number].seen_counts.unwrap_or(1.0);
         let text = format!("{wheel}: pushed by hand with its brake closed it gave by {turns:.4} turns");

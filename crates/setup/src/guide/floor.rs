@@ -304,8 +304,9 @@ impl<C: Clock> Guide<'_, C> {
             let is_far = aside_m > METRE_M * LEAST_SHARE || turned_deg.abs() > MOST_TURN_DEG;
             if (LEAST_SHARE..=1.0 / LEAST_SHARE).contains(&share) && !is_far {
                 let text = format!(
-                    "{}: by the tape it went {share:.3} of what its wheels say: radius of the wheels, or gear, aren't as the file has them",
-                    way.name
+                    "{}: by the tape it went {:.1} % of what its wheels say: radius of the wheels, or gear, aren't as the file has them",
+                    way.name,
+                    100.0 * share
                 );
                 let is_unusual = (share - 1.0).abs() > USUAL_SHARE;
                 self.record
@@ -313,8 +314,9 @@ impl<C: Clock> Guide<'_, C> {
                 return Ok(Some(leg));
             }
             let text = format!(
-                "by the tape it went {share:.2} of what its wheels say, to {aside_m:.3} m and {turned_deg:.1}° from where they say: measure \
-                 again; or {AGAIN}?"
+                "by the tape it went {:.0} % of what its wheels say, and stands {aside_m:.3} m and {turned_deg:.1}° beside where they say: \
+                 measure again; or {AGAIN}?",
+                100.0 * share
             );
             let choices = ["measure", "again"].map(str::to_owned);
             if self.choose(format!("wrong {}", way.name), text, &choices)? == "again" {

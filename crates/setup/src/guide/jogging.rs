@@ -83,28 +83,32 @@ impl<C: Clock> Guide<'_, C> {
             drive.position, jog.end, jog.travel_counts, jog.enabled_cycles, jog.unheld_cycles
         ));
         self.kept();
-        let is_lost = jog.end == JogEnd::Lost || ended.is_err();
+        let is_lost = matches!(jog.end, JogEnd::Lost(_)) || ended.is_err();
         // Who is lost goes nowhere, and that is told already; where one said a fault, it or another may have lost its supply by then.
-        if !matches!(jog.end, JogEnd::Lost | JogEnd::Drive(_)) {
-            ended.map_err(|error| in_words(&error))?;
+        if !matches!(jog.end, JogEnd::Lost(_) | JogEnd::Drive(_)) {
+            ended.map_err(|error| match &jog.still {
+                Some(still) => SetupError::Bus(format!("SubDevice {}: {still}; {error}", drive.position)),
+                None => in_words(&error),
+            })?;
         }
         Ok((jog, is_lost))
     }
 
-    /// Nothing is enabled for so long: between the least and the greatest position of one drive, counts; `None` where frames were lost.
-    pub(super) fn watch(&mut self, number: usize, seconds: f64) -> Result<Option<i64>, SetupError> {
+    /// Nothing is enabled for so long: between the least and the greatest position of one drive, counts; in words who didn't answer where
+    /// frames were lost.
+    pub(super) fn watch(&mut self, number: usize, seconds: f64) -> Result<Result<i64, String>, SetupError> {
         let span = self.watch_limited(number, seconds);
-        self.after_motion(matches!(span, Ok(None)));
+        self.after_motion(matches!(span, Ok(Err(_))));
         span
     }
 
-    fn watch_limited(&mut self, number: usize, seconds: f64) -> Result<Option<i64>, SetupError> {
+    fn watch_limited(&mut self, number: usize, seconds: f64) -> Result<Result<i64, String>, SetupError> {
         let mut operational = self.operational()?;
         let cycles = (seconds / self.wished.cycle.as_secs_f64()).ceil() as u32;
         let span = operational.jogger(number).watch(cycles)?;
         match operational.end() {
             // Who is lost goes nowhere, and that is told.
-            Err(_) if span.is_none() => {}
+            Err(_) if span.is_err() => {}
             ended => ended.map_err(|error| in_words(&error))?,
         }
         Ok(span)
@@ -201,6 +205,10 @@ impl<C: Clock> Guide<'_, C> {
         let jog = match self.jog(number, Motion::Turns, &what) {
             // Whoever isn't there now may be there again.
             Err(SetupError::Bus(words)) => return Ok(self.again_after(position, words)),
+            Err(error @ SetupError::Changed { .. }) => {
+                self.hand.tell(&error.to_string());
+                return Ok(self.again(position));
+            }
             jog => jog?,
         };
         let trouble = match &jog.end {
@@ -209,14 +217,16 @@ impl<C: Clock> Guide<'_, C> {
                 Some(format!("{seen:.1} counts a cycle where {told:.1} were told: {}", astray(*told, *seen)))
             }
             JogEnd::Runaway { told, seen } => Some(format!(
-                "its encoder counts against its motor ({seen:.1} counts a cycle where {told:.1} were told): change its \
-                 motor's phases or its encoder by the maker's tool; `direction` can't mend that"
+                "its encoder counted against its motor ({seen:.1} counts a cycle where {told:.1} were told): where nobody pushed the wheel or \
+                 the platform, change its motor's phases or its encoder by the maker's tool; `direction` can't mend that"
             )),
             JogEnd::Drive(words) => Some(words.clone()),
-            JogEnd::Lost => Some("frames were lost: look at the cables".to_owned()),
+            JogEnd::Lost(words) => Some(format!("while it was turned: {words}")),
             JogEnd::Gone => return Ok(Err(Leave)),
             JogEnd::NeverHeld => Some("the key wasn't held".to_owned()),
         };
+        let still = jog.still.map(|still| format!("SubDevice {position}: {still}"));
+        self.tell_found_of(&format!("still {position}"), Vec::from_iter(still));
         match trouble {
             Some(trouble) if jog.end == JogEnd::NeverHeld => {
                 self.hand.tell(&format!("SubDevice {position}: {trouble}"));
@@ -318,7 +328,14 @@ impl<C: Clock> Guide<'_, C> {
             told.0,
             told.1
         );
-        self.record.found_of(&counts_of, vec![text]);
+        self.record.found_of(&counts_of, vec![text.clone()]);
+        let text = format!(
+            "{text}: has it another gear or encoder, or did somebody push the wheel or the platform, or miscount the turns?"
+        );
+        let choices = ["another gear or encoder", "jog it again"].map(str::to_owned);
+        if self.choose(format!("differs {position}"), text, &choices)? == choices[1] {
+            return Ok(None);
+        }
         for _ in 0..ATTEMPTS {
             let text = format!(
                 "{wheel} has {seen_counts:.0} counts per turn where {:.0} were expected. How many turns of the motor make one of the wheel (the gear's plate)?",

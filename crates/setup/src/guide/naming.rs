@@ -128,7 +128,9 @@ impl<C: Clock> Guide<'_, C> {
         if written.is_empty() {
             return Ok(true);
         }
-        if !self.are_switched_off_and_on()? {
+        let positions: Vec<u16> =
+            written.iter().map(|(number, _)| self.record.drives[*number].position).collect();
+        if !self.are_switched_off_and_on(&positions)? {
             return Ok(false);
         }
         let bus = self.scanned_as_found()?;
@@ -157,10 +159,29 @@ impl<C: Clock> Guide<'_, C> {
         Ok(true)
     }
 
-    /// Somebody does it, as what stands in EEPROMs counts from then on; `false` where it is left.
-    pub(super) fn are_switched_off_and_on(&mut self) -> Result<bool, SetupError> {
-        let text = "switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they are up";
-        Ok(self.are_up("power".to_owned(), text.to_owned())?.is_some())
+    /// Somebody does it, as what stands in EEPROMs counts from then on; who of these wasn't dark is told. `false` where it is left.
+    pub(super) fn are_switched_off_and_on(&mut self, positions: &[u16]) -> Result<bool, SetupError> {
+        let mut text = "switch the supply of all drives off, wait until they are dark, switch it on again, and wait until they are up";
+        let mut kept = positions.to_vec();
+        for _ in 0..ATTEMPTS {
+            let Some(lost) = self.are_up("power".to_owned(), text.to_owned())? else { return Ok(false) };
+            kept.retain(|position| !lost.contains(position));
+            if kept.is_empty() {
+                return Ok(true);
+            }
+            let positions: Vec<String> = kept.iter().map(u16::to_string).collect();
+            let question = format!(
+                "SubDevice {} never lost its supply since that was asked: switch it off and on, or go on with what counts until then?",
+                positions.join(", ")
+            );
+            let choices = ["again", "go on"].map(str::to_owned);
+            match self.choose("dark".to_owned(), question, &choices) {
+                Err(Leave) => return Ok(false),
+                Ok(said) if said == "go on" => return Ok(true),
+                Ok(_) => text = "say it once they were dark and are up again",
+            }
+        }
+        Ok(false)
     }
 
     /// An alias that nobody has, asked for.

@@ -1,6 +1,5 @@
 //! Who is on the bus, and parameters: what is done in PRE-OP.
 
-use std::collections::BTreeSet;
 use std::ops::RangeInclusive;
 
 use omnibase_ethercat::error::SetUpError;
@@ -14,7 +13,7 @@ use omnibase_robot::config::{DrivePlan, ParameterPlan, ParameterState};
 
 use super::at_start::{AtStart, JOG_WRITES, OFFSETS, STORE};
 use super::naming::name_of;
-use super::{AnyBus, Guide, SetupError, in_words, is_it, is_product, seen, who};
+use super::{AnyBus, Guide, SetupError, in_words, is_it, seen, who};
 use crate::record::{FoundDrive, Step};
 
 /// The profile of drives in 0x1000.
@@ -112,23 +111,11 @@ impl<C: Clock> Guide<'_, C> {
                 found.push(text);
             }
         }
-        for drive in &drives {
-            if !self.plan.drives.iter().any(|plan| is_product(plan, drive)) {
-                let devices: BTreeSet<&str> =
-                    self.plan.drives.iter().map(|plan| plan.device.as_str()).collect();
-                let text = format!(
-                    "SubDevice {}: the file's devices ({}) are other products than vendor 0x{:08x} product 0x{:08x}: put `device` and its maps \
-                     right before it is driven (`omnibase scan --toml` shows them)",
-                    drive.position,
-                    devices.into_iter().collect::<Vec<_>>().join(", "),
-                    drive.vendor_id,
-                    drive.product_code
-                );
-                found.push(text);
-            }
-        }
         self.tell_found_of("said by drives", found);
         self.are_enough(drives.len())?;
+        if !self.are_products_meant(&drives)? {
+            return Ok(false);
+        }
         self.record.drives = drives;
         // They may be others than before.
         self.record.found_of(OFFSET, Vec::new());

@@ -76,8 +76,8 @@ impl<C: Clock> Guide<'_, C> {
         let jog = self.jog(number, Motion::Stands(PRESSED_WITHIN_S), &what)?;
         let question = match &jog.end {
             JogEnd::Gone => return Ok(Tried::Left),
-            JogEnd::Lost if jog.enabled_cycles > 0 => {
-                Some(format!("frames were lost: did you press the emergency stop, and is {wheel} free?"))
+            JogEnd::Lost(words) if jog.enabled_cycles > 0 => {
+                Some(format!("{words}. Did you press the emergency stop, and is {wheel} free?"))
             }
             // A drive that stops by a fault of its own looks the same from here.
             JogEnd::Drive(words) if jog.enabled_cycles > 0 => {
@@ -107,10 +107,10 @@ impl<C: Clock> Guide<'_, C> {
         let end = jog.end.to_string();
         let position = self.record.drives[number].position;
         Ok(match (jog.end, is_pressed) {
-            (JogEnd::Lost, Some(true)) if lost.contains(&position) => {
+            (JogEnd::Lost(_), Some(true)) if lost.contains(&position) => {
                 Tried::Stopped("its drive lost its supply".to_owned())
             }
-            (JogEnd::Lost, Some(true)) => Tried::Failed(format!(
+            (JogEnd::Lost(_), Some(true)) => Tried::Failed(format!(
                 "the emergency stop isn't tested: {end}, but its drive isn't known to have lost its supply: look at the cables, and at whose \
                  supply the stop takes"
             )),

@@ -7,6 +7,7 @@ use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::wire::coe::ObjectAddress;
 use omnibase_ethercat::wire::{HostTime, LinkError};
 use omnibase_ethercat::{Bus, BusOptions};
+use omnibase_ethercat_sim::device::drive::{SERVO_PRODUCT, SERVO_VENDOR};
 use omnibase_ethercat_sim::{Injector, VirtualClock};
 
 use super::*;
@@ -21,6 +22,8 @@ mod standing;
 mod supply;
 mod written;
 
+/// Simulated servos, which no file here means.
+const SERVO: (u32, u32) = (SERVO_VENDOR, SERVO_PRODUCT);
 const BASE: &str = include_str!("../../../../robots/bmm.toml");
 
 /// A guide that found what is on a bus, looked at.
@@ -39,13 +42,14 @@ fn with_found(
 /// One that is taken up from a record.
 fn with_record(
     base: &str,
-    record: Record,
+    mut record: Record,
     open: Open<'_, VirtualClock>,
     hand: &mut dyn Hand,
     look: impl FnOnce(&mut Guide<'_, VirtualClock>),
 ) {
+    record.products_meant = vec![SERVO];
     let (mut keep, mut back_up) = (|_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
-    let outside = Outside { hand, keep: &mut keep, back_up: &mut back_up };
+    let outside = Outside { hand, keep: &mut keep, back_up: &mut back_up, write: &mut |_, _| Ok(()) };
     let mut guide = Guide::new(Wished::new(base.to_owned()), record, open, outside).unwrap();
     look(&mut guide);
 }
@@ -87,19 +91,21 @@ impl Hand for Says {
 struct Notes<F> {
     answers: F,
     asked: Vec<String>,
+    texts: Vec<String>,
     told: Vec<String>,
     keys: Vec<String>,
 }
 
 impl<F: FnMut(&str) -> Option<&'static str>> Notes<F> {
     fn new(answers: F) -> Self {
-        Notes { answers, asked: Vec::new(), told: Vec::new(), keys: Vec::new() }
+        Notes { answers, asked: Vec::new(), texts: Vec::new(), told: Vec::new(), keys: Vec::new() }
     }
 }
 
 impl<F: FnMut(&str) -> Option<&'static str>> Hand for Notes<F> {
     fn ask(&mut self, question: &Question) -> Answer {
         self.asked.push(question.id.clone());
+        self.texts.push(question.text.clone());
         (self.answers)(&question.id).map_or(Answer::Leave, |said| Answer::Text(said.to_owned()))
     }
 
@@ -129,7 +135,8 @@ fn each_drive_has_its_own_scale() {
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Err("nothing is opened".to_owned()) };
     let mut back_up = |_: u16, _: &[u8]| Ok(());
-    let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
+    let outside =
+        Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up, write: &mut |_, _| Ok(()) };
     let guide = Guide::new(Wished::new(document.to_string()), Record::default(), &mut open, outside).unwrap();
     let gear = |wheel: Option<&str>, product_code| {
         let identity = guide.plan.drives[0].identity;
@@ -399,17 +406,19 @@ fn a_wheel_that_is_not_seen_for_a_while_has_not_held() {
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     with_found(BASE, &mut open, &mut Nobody, |guide| {
-        assert!(guide.watch(0, 1.0).unwrap().is_some());
+        assert!(guide.watch(0, 1.0).unwrap().is_ok());
         // In the middle of a second like that.
         let begun = link.sent.get();
-        guide.watch(0, 0.001).unwrap();
+        guide.watch(0, 0.001).unwrap().unwrap();
         let first = link.sent.get() + (link.sent.get() - begun) + 300;
         link.lost.set([first, first + 50]);
-        assert_eq!(guide.watch(0, 1.0).unwrap(), None);
+        let unseen = guide.watch(0, 1.0).unwrap().unwrap_err();
+        assert!(unseen.contains("it is in SAFE-OP with error 0x001a"), "{unseen}");
+        assert!(unseen.contains("SubDevice 1, 2 likewise") && unseen.contains("at the cables"), "{unseen}");
         assert!(link.sent.get() > first);
         // Back in time, and for good.
         link.lost.set([0, 0]);
-        assert!(guide.watch(0, 1.0).unwrap().is_some());
+        assert!(guide.watch(0, 1.0).unwrap().is_ok());
     });
 }
 

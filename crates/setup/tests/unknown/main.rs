@@ -49,7 +49,7 @@ fn a_robot_wired_in_every_way_wrongly_gets_its_file_and_drives_its_square() {
     assert_eq!(found.record.done, Step::ALL, "{:?}", found.asked);
     let said = found.record.findings.join("\n");
     for expected in [
-        "SubDevice 0: its encoder counts against its motor",
+        "SubDevice 0: its encoder counted against its motor",
         "counts per turn were seen",
         "wheel_1: its drive is at position 2, the file says 0",
         "wheel_1: it turns the other way than the file says",
@@ -417,7 +417,11 @@ fn a_drive_that_loses_its_power_while_it_is_jogged_is_jogged_again() {
     let found = set_up_where(dark, &robot, &mut |_| None);
     assert_eq!(differences(&robot, &found.text), Vec::<String>::new());
     let findings = found.record.findings.join("\n");
-    assert!(findings.contains("SubDevice 1: frames were lost: look at the cables"), "{findings}");
+    assert!(
+        findings
+            .contains("SubDevice 1: while it was turned: SubDevice 1 was lost: it does not answer (no power"),
+        "{findings}"
+    );
     let jogs = found
         .record
         .log
@@ -456,7 +460,8 @@ fn a_set_up_of_another_robot_is_refused() {
     let record = Record { robot: Some("another".to_owned()), jogged, done, ..Record::default() };
     let mut open = || -> Result<(Box<dyn Link>, VirtualClock), String> { panic!("nothing is opened") };
     let (mut hand, mut keep, mut back_up) = (Deaf(0), |_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
-    let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
+    let outside =
+        Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up, write: &mut |_, _| Ok(()) };
     let mut guide = Guide::new(Wished::new(unknown::BASE.to_owned()), record, &mut open, outside).unwrap();
     assert!(
         guide.run().unwrap_err().to_string().contains("begun with the file of a robot with other wheels")

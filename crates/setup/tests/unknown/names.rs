@@ -44,10 +44,21 @@ fn an_alias_that_two_drives_have_is_written_anew() {
     }
     assert!(found.told.join("\n").contains("its drive has alias 5, as SubDevice 2 has"), "{:?}", found.told);
     // Nobody switched anything off: the old ones still show, and neither drive is found by them.
+    let (mut texts, mut dark) = (Vec::new(), once("dark", said("again")));
     let found = set_up_where(named, &robot, &mut |question| match question.id.as_str() {
-        "power" => Some(said("done")),
+        "power" => {
+            texts.push(question.text.clone());
+            Some(said("done"))
+        }
+        "dark" => {
+            texts.push(question.text.clone());
+            dark(question)
+        }
         id => id.starts_with("name ").then(|| said("alias")),
     });
+    // What was seen is said, and shortly.
+    let seen = "SubDevice 0, 2 never lost its supply since that was asked: switch it off and on, or go on with what counts until then?";
+    assert_eq!(texts[1..], [seen, "say it once they were dark and are up again", seen], "{texts:?}");
     assert!(found.text.contains("alias = 6 ") && !found.text.contains("alias = 5"), "{}", found.text);
     assert_eq!(found.text.matches("\nposition = ").count(), 2, "{}", found.text);
 }

@@ -74,7 +74,8 @@ fn the_guides_rehearsal_ends_with_the_first_metre_driven() {
         wheel_speed_rad_s: 3.0,
         ..Wished::new(include_str!("../../../../robots/bmm.toml").to_owned())
     };
-    let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
+    let outside =
+        Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up, write: &mut |_, _| Ok(()) };
     let mut guide = Guide::new(wished, Record::default(), &mut open, outside).unwrap();
     let ended = guide.run();
     let record = guide.record.clone();

@@ -136,7 +136,13 @@ impl<W: Write> Hand for Lines<W> {
 
     fn take_key(&mut self, what: &str) {
         // Answers to questions that nobody asked.
-        while self.said.try_recv().is_ok() {}
+        let dropped = self.said.try_iter().count();
+        if dropped > 0 {
+            let lines = if dropped == 1 { "line was" } else { "lines were" };
+            let text =
+                format!("{dropped} {lines} said before anything was asked, and dropped: a key is held now");
+            self.say(&json!({ "tell": text }));
+        }
         self.heard.begin();
         self.say(&json!({ "hold": what }));
     }
@@ -179,6 +185,7 @@ mod tests {
         assert_eq!(lines.said.recv().unwrap()["answer"], "a");
         lines.take_key("turns");
         assert_eq!(lines.key(), Key::Quiet);
+        assert_eq!(lines.output, b"{\"hold\":\"turns\"}\n", "nothing was dropped");
         // A key that stayed down is let go, and pressed anew.
         program.write_all(b"{\"key\": false}\n").unwrap();
         assert_eq!(key(&mut lines), Key::LetGo);
@@ -193,6 +200,21 @@ mod tests {
         assert_eq!(lines.key(), Key::Gone);
         let question = Question { id: "wheel 0".into(), text: String::new(), choices: vec![], default: None };
         assert_eq!(lines.ask(&question), Answer::Leave);
+    }
+
+    #[test]
+    fn answers_that_nobody_asked_for_are_dropped_and_counted() {
+        for (said, expected) in [(1, "1 line was said"), (3, "3 lines were said")] {
+            let (mut program, mut lines) = lines();
+            program.write_all("{\"answer\": \"a\"}\n".repeat(said).as_bytes()).unwrap();
+            program.write_all(b"{\"key\": true}\n").unwrap();
+            // Behind it all lines are there.
+            assert_eq!(key(&mut lines), Key::Beat);
+            lines.take_key("turns");
+            let told = String::from_utf8(lines.output.clone()).unwrap();
+            let expected = format!("{{\"tell\":\"{expected} before anything was asked, and dropped");
+            assert!(told.starts_with(&expected) && told.ends_with("{\"hold\":\"turns\"}\n"), "{told}");
+        }
     }
 
     #[test]

@@ -46,13 +46,18 @@ impl Person {
         if !stdin.is_terminal() {
             return;
         }
-        self.typed.clear();
-        let mut bytes = [0; 1024];
+        let lines = |bytes: &[u8]| bytes.iter().filter(|byte| matches!(byte, b'\n' | b'\r')).count();
+        let (mut dropped, mut bytes) = (lines(&std::mem::take(&mut self.typed)), [0; 1024]);
         let at_once = Timespec { tv_sec: 0, tv_nsec: 0 };
         while rustix::event::poll(&mut [PollFd::new(&stdin, PollFlags::IN)], Some(&at_once))
             .is_ok_and(|ready| ready > 0)
-            && rustix::io::read(&stdin, &mut bytes).is_ok_and(|count| count > 0)
-        {}
+            && let Ok(count @ 1..) = rustix::io::read(&stdin, &mut bytes)
+        {
+            dropped += lines(&bytes[..count]);
+        }
+        if dropped > 0 {
+            println!("lines typed before this question are dropped: {dropped}");
+        }
     }
 
     /// The next line; `None` where none will come, or the program is ended.

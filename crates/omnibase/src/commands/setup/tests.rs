@@ -45,18 +45,17 @@ fn a_file_that_no_set_up_wrote_is_left_alone_and_a_state_is_whole_or_the_old_one
 
 #[test]
 fn ways_that_no_wheels_fit_keep_no_file_back() {
-    let folder = tempfile::tempdir().unwrap();
-    let file = folder.path().join("mine.toml");
     // Left, too: one that was whole before mustn't lose its wheels in silence.
     for ended in [Ended::File("name = 1".to_owned()), Ended::Left(Some("name = 1".to_owned()))] {
-        let mut written = None;
+        let mut written = Vec::new();
         let calibrated = Err(SetupError::Bus("no wheels fit".to_owned()));
-        let begun = Record { written: Some("name = 1".to_owned()), ..Record::default() };
-        let ended = finished(&file, &begun, ended, calibrated, &mut written);
+        let ended = finished(ended, calibrated, &mut |text| {
+            written.push(text.to_owned());
+            Ok(())
+        });
         let words = format!("{:#}", ended.unwrap_err());
         assert!(words.contains("without the wheels") && words.contains("no wheels fit"), "{words}");
-        assert_eq!(std::fs::read_to_string(&file).unwrap(), "name = 1");
-        assert_eq!(written.as_deref(), Some("name = 1"));
+        assert_eq!(written, ["name = 1"]);
     }
 }
 
@@ -104,22 +103,43 @@ fn a_state_is_there_at_every_instant_of_beginning_anew() {
 fn a_file_that_somebody_writes_while_the_set_up_runs_is_left_alone() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("mine.toml");
+    let told = beside(&file, "record.md");
     let written = |text: &str| Record { written: Some(text.to_owned()), ..Record::default() };
-    for begun in [Record::default(), written("name = 1")] {
+    for record in [Record::default(), written("name = 1")] {
         std::fs::write(&file, "name = 2").unwrap();
-        let mut now = begun.written.clone();
-        let ended = Ended::File("name = 3".to_owned());
-        let words = format!("{:#}", finished(&file, &begun, ended, Ok(None), &mut now).unwrap_err());
+        let words = format!("{:#}", write_own(&file, &told, &record, "name = 3").unwrap_err());
         assert!(words.contains("put that file elsewhere") && words.contains("mine.toml` "), "{words}");
-        assert_eq!((std::fs::read_to_string(&file).unwrap().as_str(), &now), ("name = 2", &begun.written));
+        assert_eq!(std::fs::read_to_string(&file).unwrap(), "name = 2");
     }
-    let mut now = None;
-    let ended = Ended::File("name = 3".to_owned());
-    finished(&file, &written("name = 2"), ended, Ok(None), &mut now).unwrap();
-    assert_eq!(
-        (std::fs::read_to_string(&file).unwrap().as_str(), now.as_deref()),
-        ("name = 3", Some("name = 3"))
-    );
+    write_own(&file, &told, &written("name = 2"), "name = 3").unwrap();
+    assert_eq!(std::fs::read_to_string(&file).unwrap(), "name = 3");
+}
+
+/// The program is gone between the robot's file and the record of it: the file is known as the set-up's own. One that is gone since is
+/// written again.
+#[test]
+fn a_file_whose_writing_broke_off_is_taken_up_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("mine.toml");
+    let told = beside(&file, "record.md");
+    let begun = Record {
+        written: Some("old".to_owned()),
+        to_be_written: Some("new".to_owned()),
+        ..Record::default()
+    };
+    for text in ["old", "new"] {
+        std::fs::write(&file, text).unwrap();
+        is_own(&file, &told, Some(&begun)).unwrap();
+        is_own(&file, &told, Some(&anew(begun.clone()))).unwrap();
+    }
+    std::fs::write(&file, "by hand").unwrap();
+    assert!(is_own(&file, &told, Some(&begun)).is_err());
+
+    let over = Record { done: Step::ALL.to_vec(), ..Record::default() };
+    assert_eq!(with_file(over.clone(), &file).unwrap(), over);
+    std::fs::remove_file(&file).unwrap();
+    let again = with_file(over, &file).unwrap();
+    assert!(!again.done.contains(&Step::File) && again.done.len() + 1 == Step::ALL.len());
 }
 
 #[test]

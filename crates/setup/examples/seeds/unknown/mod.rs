@@ -16,7 +16,7 @@ use omnibase_robot::{Registry, Robot};
 use omnibase_run::run::{Progress, Setup};
 use omnibase_run::simulated;
 use omnibase_setup::{
-    Answer, BackUp, Ended, Guide, Hand, Open, Outside, Question, Record, Wished, robot_file,
+    Answer, BackUp, Ended, Guide, Hand, Open, Outside, Question, Record, Step, Wished, robot_file,
 };
 use person::{Person, World};
 
@@ -215,15 +215,30 @@ pub fn set_up_in(
         otherwise,
         told: Vec::new(),
     };
-    let mut kept = String::new();
+    let (mut kept, file) = (String::new(), RefCell::new(None));
     for _ in 0..2 {
         let record = if kept.is_empty() { Record::default() } else { Record::from_json(&kept)? };
         let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(base.clone()) };
         let mut keep = |record: &Record| {
+            let has_file = file.borrow().is_some();
+            assert!(
+                has_file || !record.done.contains(&Step::File),
+                "its file is written before it is called so"
+            );
             kept = record.to_json();
             Ok(())
         };
-        let outside = Outside { hand: &mut person, keep: &mut keep, back_up: &mut back_up };
+        let mut write = |record: &Record, text: &str| {
+            assert_eq!(
+                record.to_be_written.as_deref(),
+                Some(text),
+                "on record, so that it is known for one's own"
+            );
+            *file.borrow_mut() = Some(text.to_owned());
+            Ok(())
+        };
+        let outside =
+            Outside { hand: &mut person, keep: &mut keep, back_up: &mut back_up, write: &mut write };
         let mut guide = Guide::new(wished, record, &mut open, outside).map_err(|error| error.to_string())?;
         let ended = guide.run().map_err(|error| error.to_string())?;
         let record = guide.record.clone();
@@ -266,7 +281,7 @@ pub fn set_up_with<H: Hand, T>(
     let mut keep = |_: &Record| Ok(());
     let wished = Wished { wheel_speed_rad_s: 3.0, ..Wished::new(BASE.to_owned()) };
     let mut back_up = |_: u16, _: &[u8]| Ok(());
-    let outside = Outside { hand, keep: &mut keep, back_up: &mut back_up };
+    let outside = Outside { hand, keep: &mut keep, back_up: &mut back_up, write: &mut |_, _| Ok(()) };
     let mut guide = Guide::new(wished, Record::default(), &mut open, outside).expect("the base is right");
     let ended = guide.run().map_err(|error| error.to_string());
     let record = guide.record.clone();

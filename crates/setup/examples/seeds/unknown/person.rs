@@ -154,6 +154,8 @@ impl Hand for Person<'_> {
             "parameters" => "write".to_owned(),
             "stopped" | "opened" | "pushed" => "yes".to_owned(),
             "name" => "position".to_owned(),
+            "dark" => "go on".to_owned(),
+            "differs" => "another gear or encoder".to_owned(),
             "places" => "as before".to_owned(),
             "brake" => "no".to_owned(),
             "push" => {

@@ -325,3 +325,36 @@ fn who_is_left_over_may_get_an_alias() {
         assert!(matches!(guide.compare(), Err(SetupError::Changed { position: 0, .. })));
     });
 }
+
+/// The file's wheels have an SGDV, on the bus are other servos: that is told with what and where, and asked once.
+#[test]
+fn drives_that_no_wheel_of_the_file_has_are_asked_about() {
+    let (link, clock) = segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let mut goes_on = false;
+    let mut hand = Notes::new(|_| std::mem::replace(&mut goes_on, true).then_some("go on"));
+    let (mut keep, mut back_up) = (|_: &Record| Ok(()), |_: u16, _: &[u8]| Ok(()));
+    let outside =
+        Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up, write: &mut |_, _| Ok(()) };
+    let mut guide = Guide::new(Wished::new(BASE.to_owned()), Record::default(), &mut open, outside).unwrap();
+    assert!(!guide.find().unwrap(), "it is left");
+    assert_eq!(guide.record.drives, []);
+    for _ in 0..2 {
+        assert!(guide.find().unwrap());
+        assert_eq!(guide.record.drives.len(), 3);
+    }
+    let findings = guide.record.findings.join("\n");
+    assert!(
+        findings.contains("SubDevice 2 is vendor 0x00000f0f product 0x00000402, and no wheel"),
+        "{findings}"
+    );
+    drop(guide);
+    assert_eq!(hand.asked, ["products", "products"]);
+    for part in [
+        "the file's wheels have `sgdv` (vendor 0x00000539 product 0x02200001), and on the bus are SubDevice 0 (",
+        "SubDevice 2 (CiA402-Servo): vendor 0x00000f0f product 0x00000402",
+    ] {
+        assert!(hand.texts[0].contains(part), "{}", hand.texts[0]);
+    }
+}

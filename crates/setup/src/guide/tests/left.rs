@@ -24,7 +24,8 @@ fn drives_hold_behind_a_motion_what_they_held_before_it() {
         Ok(())
     };
     let (mut hand, mut back_up) = (Nobody, |_: u16, _: &[u8]| Ok(()));
-    let outside = Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up };
+    let outside =
+        Outside { hand: &mut hand, keep: &mut keep, back_up: &mut back_up, write: &mut |_, _| Ok(()) };
     let mut guide = Guide::new(Wished::new(base), Record::default(), &mut open, outside).unwrap();
     assert!(guide.find().unwrap());
     for torques in [[3000, 3000, 3000], [3000, 2000, 3000]] {
@@ -35,7 +36,7 @@ fn drives_hold_behind_a_motion_what_they_held_before_it() {
         assert_ne!(by_tool(&link, &clock).sdo_read(1, window, SdoAccess::Entry).unwrap(), before);
         guide.leave_as_found();
         assert_eq!(max_torques(&link, &clock), torques);
-        assert!(guide.watch(0, 0.01).unwrap().is_some());
+        assert!(guide.watch(0, 0.01).unwrap().is_ok());
         assert_eq!(guide.jog(0, jogging::Motion::Stands(1.0), "hold the key").unwrap().enabled_cycles, 0);
         assert_eq!(max_torques(&link, &clock), torques);
         assert_eq!(by_tool(&link, &clock).sdo_read(1, window, SdoAccess::Entry).unwrap(), before);
@@ -69,7 +70,7 @@ fn whatever_frames_are_lost_in_a_motion_is_put_back_or_known() {
             if let Some(place) = place {
                 link.lost.set([begun + place, begun + place + 60]);
             }
-            broken_off += u32::from(!matches!(guide.watch(0, 0.01), Ok(Some(_))));
+            broken_off += u32::from(!matches!(guide.watch(0, 0.01), Ok(Ok(_))));
             if place.is_none() {
                 frames = link.sent.get() - begun;
             }
@@ -146,6 +147,12 @@ fn drives_in_which_a_jog_was_cut_off_are_switched_off_and_on() {
             let was_switched = switched.contains(&position);
             let expected = if was_switched { &stored } else { &left };
             assert_eq!(max_torques(&link, &clock)[position], expected[position]);
+        }
+        if says == Some("done") && is_kept {
+            let [first, second] = [&hand.texts[0], &hand.texts[1]];
+            assert!(first.starts_with("a jog was cut off, and SubDevices "), "{first}");
+            let begins = "never lost their supply since that was asked: switch it off and on; or go on";
+            assert!(second.contains(begins) && 2 * second.len() < first.len(), "{second}");
         }
         // The wheel to be jogged first holds the key; who leaves is asked once.
         let times = hand.asked.iter().filter(|id| *id == "jogged").count();
@@ -302,14 +309,19 @@ fn drives_that_look_alike_and_were_out_of_sight_keep_what_a_motion_left() {
                 guide.leave_as_found();
                 if dark == "frames of a watch" {
                     let begun = link.sent.get();
-                    guide.watch(0, 0.001).unwrap();
+                    guide.watch(0, 0.001).unwrap().unwrap();
                     // Behind as many frames as come before and behind such a motion.
                     let first = link.sent.get() + (link.sent.get() - begun) + 300;
                     link.lost.set([first, first + 50]);
-                    assert_eq!(guide.watch(0, 1.0).unwrap(), None);
+                    let unseen = guide.watch(0, 1.0).unwrap().unwrap_err();
+                    assert!(unseen.contains("it is in SAFE-OP with error 0x001a"), "{unseen}");
+                    assert!(
+                        unseen.contains("SubDevice 1, 2 likewise") && unseen.contains("at the cables"),
+                        "{unseen}"
+                    );
                 } else {
                     let jog = guide.jog(0, jogging::Motion::Turns, "hold the key").unwrap();
-                    assert_eq!(jog.end, crate::JogEnd::Lost);
+                    assert!(matches!(jog.end, crate::JogEnd::Lost(_)), "{}", jog.end);
                 }
                 link.lost.set([0, 0]);
             }

@@ -126,6 +126,102 @@ fn a_wheel_is_stopped_by_its_own_supply_alone() {
     }
 }
 
+/// Whoever goes dark beside a jogged drive is named, with what to do; the jogged one is none the worse.
+#[test]
+fn a_jog_that_ends_beside_a_dark_drive_names_that_one() {
+    for (dark, expected) in [
+        (
+            vec![2],
+            "SubDevice 2 was lost: it does not answer (no power, cable out, or restarted): look at its supply",
+        ),
+        (
+            vec![1],
+            "; SubDevice 2 likewise, or cut off by that: look at its supply and at the cable to it, and go on",
+        ),
+        (vec![0], "no frame comes back: look at the supply of SubDevice 0"),
+    ] {
+        let (link, clock, injector) = powered();
+        let mut key = |cycle| {
+            if cycle == 400 {
+                dark.iter().for_each(|position| injector.inject(*position, Fault::PowerOff));
+            }
+            Key::Beat
+        };
+        let mut says = |_: &Question| {
+            dark.iter().for_each(|position| injector.inject(*position, Fault::PowerOn));
+            said("leave it out")
+        };
+        let mut hand = Scripted::new(&mut says, &mut key);
+        with_wheels((&link, &clock), &mut hand, |guide| {
+            let found = guide.jog(usize::from(dark == [0]), jogging::Motion::Turns, "hold the key").unwrap();
+            let words = found.end.to_string();
+            assert!(words.contains(expected), "{dark:?}: {words}");
+            let is_first = words.starts_with(&format!("SubDevice {} was lost", dark[0]));
+            assert_eq!(is_first, dark != [0], "{words}");
+        });
+    }
+}
+
+/// Whoever jogs on while a drive is dark is told who isn't there, and asked again: the set-up goes on once it is up.
+#[test]
+fn a_jog_beside_a_drive_that_is_still_dark_is_asked_again() {
+    let (link, clock, injector) = powered();
+    let mut times = 0;
+    let mut says = |question: &Question| {
+        assert_eq!(question.id, "again 0");
+        times += 1;
+        if times == 2 {
+            injector.inject(2, Fault::PowerOn);
+        }
+        said("again")
+    };
+    // It is taken once all are there.
+    let mut key = |_| Key::Gone;
+    let mut hand = Scripted::new(&mut says, &mut key);
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let mut record = Record::default();
+    with_found(BASE, &mut open, &mut Nobody, |guide| record = guide.record.clone());
+    injector.inject(2, Fault::PowerOff);
+    with_record(BASE, record, &mut open, &mut hand, |guide| assert!(!guide.jog_all().unwrap()));
+    assert_eq!(hand.asked, ["again 0"; 2]);
+}
+
+/// A position that doesn't change though it is told to is told as such: of a wheel that is held, and of a drive whose firmware hangs.
+#[test]
+fn a_position_that_stays_the_same_in_a_jog_is_named() {
+    // On the floor a wheel alone doesn't move the platform.
+    let floor = || powered();
+    let free = || faulty_segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
+    let cases: [(&dyn Fn() -> _, _, _); 3] =
+        [(&free, false, None), (&floor, false, Some(true)), (&free, true, Some(false))];
+    for (robot, is_frozen, expected) in cases {
+        let (link, clock, injector) = robot();
+        let mut key = |cycle| {
+            if cycle == 400 {
+                injector.inject(1, ApplicationFault::Frozen(is_frozen).into());
+            }
+            if cycle == 8000 { Key::LetGo } else { Key::Beat }
+        };
+        let mut says = |_: &Question| said("leave it out");
+        let mut hand = Scripted::new(&mut says, &mut key);
+        with_wheels((&link, &clock), &mut hand, |guide| {
+            match guide.jog(1, jogging::Motion::Turns, "hold the key") {
+                Ok(jog) => {
+                    assert!(!is_frozen, "it can't be led to INIT");
+                    assert_eq!(jog.still.map(|still| still.others_changed), expected, "{:?}", jog);
+                }
+                Err(error) => {
+                    assert!(is_frozen, "{error}");
+                    let words = error.to_string();
+                    assert!(words.starts_with("SubDevice 1: its position (0x6064) stayed at "), "{words}");
+                    assert!(words.contains("its firmware hangs"), "{words}");
+                }
+            }
+        });
+    }
+}
+
 /// A drive that says itself why it lost its torque is stopped by that, though nobody answers any more behind it.
 #[test]
 fn a_drive_that_says_how_it_was_stopped_is_heard_whoever_goes_dark_behind_it() {

@@ -29,6 +29,8 @@ impl Hand for Switches<'_> {
                 "done"
             }
             "stopped" => "yes",
+            // The third drive kept its supply.
+            "dark" => "go on",
             other => panic!("{other}"),
         };
         Answer::Text(said.to_owned())

@@ -55,7 +55,8 @@ fn what_cannot_be_kept_is_not_written_over() {
     let mut open =
         || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
     let (mut keep, mut back_up) = (|_: &Record| Err("no space".to_owned()), |_: u16, _: &[u8]| Ok(()));
-    let outside = Outside { hand: &mut Nobody, keep: &mut keep, back_up: &mut back_up };
+    let outside =
+        Outside { hand: &mut Nobody, keep: &mut keep, back_up: &mut back_up, write: &mut |_, _| Ok(()) };
     let wished = Wished::new(BASE.to_owned());
     let mut guide = Guide::new(wished, Record::default(), &mut open, outside).unwrap();
     assert!(guide.find().unwrap());
@@ -63,4 +64,43 @@ fn what_cannot_be_kept_is_not_written_over() {
     assert!(error.contains("nothing is written into them: no space"), "{error}");
     drop(guide);
     assert_eq!(max_torques(&link, &clock), [3000; 3]);
+}
+
+/// The robot's file is written once it is on record what it shall be, and called done behind that.
+#[test]
+fn the_robots_file_is_there_before_it_is_called_done() {
+    let events = RefCell::new(Vec::new());
+    let mut keep = |record: &Record| {
+        let is_done = record.done.contains(&Step::File);
+        events.borrow_mut().push((record.to_be_written.clone(), record.written.clone(), is_done));
+        Ok(())
+    };
+    let mut can_write = false;
+    let mut write = |_: &Record, text: &str| {
+        if !can_write {
+            can_write = true;
+            return Err("no space".to_owned());
+        }
+        events.borrow_mut().push((None, Some(format!("the file: {text}")), false));
+        Ok(())
+    };
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Err("nothing is opened".to_owned()) };
+    let mut back_up = |_: u16, _: &[u8]| Ok(());
+    let outside = Outside { hand: &mut Nobody, keep: &mut keep, back_up: &mut back_up, write: &mut write };
+    let mut guide = Guide::new(Wished::new(BASE.to_owned()), Record::default(), &mut open, outside).unwrap();
+    let refused = guide.write_file("a").unwrap_err().to_string();
+    assert_eq!(refused, "the robot's file can't be written: no space");
+    assert_eq!((&guide.record.to_be_written, &guide.record.written), (&None, &None));
+    guide.write_file("b").unwrap();
+    guide.finish(Step::File);
+    drop(guide);
+    let text = |text: &str| Some(text.to_owned());
+    let expected = [
+        (text("a"), None, false),
+        (text("b"), None, false),
+        (None, text("the file: b"), false),
+        (None, text("b"), true),
+    ];
+    assert_eq!(events.into_inner(), expected);
 }
