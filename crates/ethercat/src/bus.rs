@@ -128,7 +128,7 @@ impl fmt::Display for Warning {
                 "SubDevice {position}: its SII promises an identification in AL status code (0x0134), but none came"
             ),
             Warning::LeftOut { position, cause } => {
-                write!(f, "SubDevice {position} is broken and left out: {cause}")
+                write!(f, "SubDevice {position} can't be used and is left out: {cause}")
             }
             Warning::Eeprom { position, problem } => {
                 write!(f, "SubDevice {position}: EEPROM: {problem}")

@@ -232,7 +232,7 @@ pub enum SetUpError {
         cause: UnusableMailbox,
     },
     /// A SubDevice is broken; the others do without it.
-    #[error("SubDevice {position} is broken: {cause}")]
+    #[error("SubDevice {position} can't be used: {cause}")]
     Broken {
         /// The SubDevice.
         position: u16,

@@ -562,7 +562,7 @@ fn a_subdevice_that_is_broken_is_named_and_left_out_where_nobody_needs_it() {
         let read = omnibase(&["sdo", "read", &target, "1", "1000:00"]);
         assert_eq!(read.status.code(), Some(1));
         let said = text(&read.stderr);
-        assert!(said.contains("SubDevice 1 is broken: ") && said.contains(cause), "{said}");
+        assert!(said.contains("SubDevice 1 can't be used: ") && said.contains(cause), "{said}");
     }
 }
 

@@ -30,6 +30,8 @@ const UNANSWERED_NS: u64 = 100_000_000;
 const AT_ONCE_NS: u64 = 50_000;
 /// Datagrams whose counters are remembered; more aren't judged.
 const MOST_KNOWN: usize = 4096;
+/// Why frames are written in which nothing is wrong.
+const BY_THE_RUN: &str = "no frame shows it; what went wrong is in the run's own messages";
 /// AL status register's bit that says that something is wrong.
 const AL_ERROR: u16 = AlState::ERROR;
 
@@ -149,7 +151,7 @@ impl Keeper {
             Direction::Outbound => self.sent(&entry),
             Direction::Inbound => self.back(&entry),
         };
-        let told = self.told.swap(false, Ordering::Relaxed).then(|| "the run told so".to_owned());
+        let told = self.told.swap(false, Ordering::Relaxed).then(|| BY_THE_RUN.to_owned());
         if let (Some(words), None) = (found.or(told), &self.incident) {
             self.incident = Some((words, now + BEHIND_NS));
         }
@@ -251,7 +253,7 @@ impl Keeper {
     /// No more frames come: what went wrong is written with what there is.
     fn end(mut self, is_wrong: bool) -> io::Result<Kept> {
         let is_wrong = is_wrong || self.told.load(Ordering::Relaxed);
-        let told = is_wrong.then(|| "the run told so".to_owned());
+        let told = is_wrong.then(|| BY_THE_RUN.to_owned());
         if let Some(words) = self.incident.take().map(|(words, _)| words).or(told) {
             self.write(words)?;
         }

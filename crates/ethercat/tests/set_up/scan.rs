@@ -201,7 +201,7 @@ fn one_whose_eeprom_cant_be_known_stays_out_of_everything() {
         let both = [other.clone(), SubDeviceConfig::default()];
         for configs in [&[][..], &[other], &both] {
             let refused = bus.configure(configs).unwrap_err().to_string();
-            assert!(refused.starts_with(&format!("SubDevice 1 is broken: {cause}")), "{refused}");
+            assert!(refused.starts_with(&format!("SubDevice 1 can't be used: {cause}")), "{refused}");
         }
         assert_eq!(bus.configure_sound(), Ok(()));
         let states = bus.transactor().link.segment().sub_devices().iter();

@@ -280,7 +280,7 @@ fn write_checked(
                 "what it holds now isn't known, give the same command again; "
             };
             let context = format!(
-                "{unknown}the backup is {}, another --backup is for another attempt",
+                "{unknown}what it held before is in {}; another attempt needs another name by --backup",
                 backup.display()
             );
             anyhow::Error::new(error).context(context)

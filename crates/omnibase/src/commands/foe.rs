@@ -169,7 +169,7 @@ impl RemoteFile {
         bus.configure_sound()?;
         let one = bus.subdevice(self.subdevice.position)?;
         if let Some(cause) = &one.broken {
-            anyhow::bail!("SubDevice {} is broken: {cause}", self.subdevice.position);
+            anyhow::bail!("SubDevice {} can't be used: {cause}", self.subdevice.position);
         }
         ensure!(
             one.sii.header.mailbox_protocols & PROTOCOL_FOE != 0,

@@ -173,7 +173,7 @@ fn open(target: &Target, manners: Manners, position: u16) -> anyhow::Result<Obje
     bus.subdevice(position)?;
     bus.configure_sound()?;
     if let Some(cause) = &bus.subdevice(position)?.broken {
-        anyhow::bail!("SubDevice {position} is broken: {cause}");
+        anyhow::bail!("SubDevice {position} can't be used: {cause}");
     }
     Ok(ObjectAccess::Bus(Box::new(bus)))
 }

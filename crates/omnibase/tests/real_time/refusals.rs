@@ -88,8 +88,8 @@ fn a_drive_that_refuses_a_state_is_named_with_its_status_code() {
     let changes = [
         "bus.cycle_us=5000",
         "drive_defaults.device=cia402",
-        "drive_defaults.vendor_id=0x0539",
-        "drive_defaults.product_code=0x02200001",
+        "drive_defaults.vendor_id=\"0x0539\"",
+        "drive_defaults.product_code=\"0x02200001\"",
         "drive_defaults.counts_per_revolution=1048576",
     ];
     let more: Vec<&str> = changes.iter().flat_map(|change| ["--set", *change]).collect();

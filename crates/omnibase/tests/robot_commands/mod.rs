@@ -84,7 +84,12 @@ fn the_frames_of_what_went_wrong_are_kept() {
         let more = ["--frames", &kept, "--frames-s", "1", "--record", &recording];
         let (code, said) = refused(&[&["run", &robot], &CIRCLE[2..], &more].concat());
         assert_eq!(code, Some(1), "{said}");
-        assert!(said.contains(&format!("--frames: {kept}: the run told so")), "{said}");
+        assert!(
+            said.contains(&format!(
+                "--frames: {kept}: no frame shows it; what went wrong is in the run's own messages"
+            )),
+            "{said}"
+        );
     }
 }
 
