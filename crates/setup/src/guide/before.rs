@@ -1,7 +1,7 @@
 //! What jogs write over in drives: read right before, put back right after. Where that was cut off, a drive is as it was once it lost
 //! its supply, for nothing of a jog is stored in it.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use omnibase_ethercat::start_up::SdoAccess;
 use omnibase_ethercat::transaction::Access;
@@ -217,10 +217,15 @@ impl<C: Clock> Guide<'_, C> {
             self.lose_sight();
             return;
         }
+        // One that hangs keeps all from it.
+        let mut positions = BTreeMap::<String, Vec<String>>::new();
         for (drive, why) in self.leave_as_found() {
+            positions.entry(why).or_default().push(drive.position.to_string());
+        }
+        for (why, positions) in positions {
+            let positions = positions.join(", ");
             self.hand.tell(&format!(
-                "SubDevice {} doesn't hold yet what it held before the motion: {why}",
-                drive.position
+                "what was held before the motion isn't put back yet into SubDevice {positions}: {why}"
             ));
         }
     }

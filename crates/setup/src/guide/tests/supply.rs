@@ -85,3 +85,20 @@ fn a_drive_that_lost_its_supply_keeps_what_is_stored_in_it() {
         assert_eq!(max_torques(&link, &clock), [first, 1100, 1100], "{is_stop} {is_jogs}");
     }
 }
+
+/// Who didn't get back what he held is told in one line where one thing keeps all from it.
+#[test]
+fn drives_that_wait_for_one_reason_are_told_together() {
+    let (link, clock, injector) = faulty_segment_of("[[subdevice]]\nkind = \"servo\"\ncount = 3\n");
+    let mut open =
+        || -> Result<(Box<dyn Link>, VirtualClock), String> { Ok((Box::new(link.clone()), clock.clone())) };
+    let mut hand = Notes::new(|_| None);
+    with_found(BASE, &mut open, &mut hand, |guide| {
+        guide.operational().unwrap();
+        injector.inject(0, Fault::PowerOff);
+        guide.after_motion(false);
+    });
+    let begins = "what was held before the motion isn't put back yet into SubDevice 0, 1, 2: ";
+    let told: Vec<&String> = hand.told.iter().filter(|text| text.contains("before the motion")).collect();
+    assert!(told.len() == 1 && told[0].starts_with(begins), "{told:?}");
+}
