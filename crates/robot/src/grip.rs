@@ -147,6 +147,8 @@ struct Wheel {
     rim_m_s: f64,
     gains_m_s2: f64,
     force_n: f64,
+    /// Whether its drive is at a limit of its own: its force stays, and its rim doesn't follow, for that alone.
+    is_held_back: bool,
     /// How far its rim is ahead of v̂, m/s.
     ahead_m_s: f64,
     slips: bool,
@@ -267,7 +269,7 @@ impl Grip {
                 self.forget();
             }
             let span_s = f64::from(periods) * time.period_s();
-            let is_whole = periods == 1 && !measurements.is_held_back();
+            let is_whole = periods == 1;
             if measurements.present().iter().all(|drive| drive.is_finite()) {
                 self.compare(measurements, span_s, is_whole, wished);
                 self.judge(span_s);
@@ -323,6 +325,7 @@ impl Grip {
             wheel.rim_m_s = keep * before_m_s + (1.0 - keep) * rim.radius_m * drive.increment_rad / span_s;
             wheel.gains_m_s2 = if self.body.is_some() { (wheel.rim_m_s - before_m_s) / span_s } else { 0.0 };
             wheel.force_n = keep * wheel.force_n + (1.0 - keep) * drive.torque_nm / rim.radius_m;
+            wheel.is_held_back = drive.is_held_back();
             if is_by_torque {
                 self.treads.take(at, wheel.force_n - self.wheel_kg * wheel.gains_m_s2, span_s);
             }
@@ -341,7 +344,9 @@ impl Grip {
             turn_rad_s,
             wrench: [fx_n, fy_n, torque_nm],
             friction_per_newton: self.friction.per_newton(shown, self.identification.dynamics().centre_m()),
-            is_trusted: is_whole && !self.wheels[..count].iter().any(Wheel::is_loose),
+            is_trusted: is_whole
+                && !measurements.is_held_back()
+                && !self.wheels[..count].iter().any(Wheel::is_loose),
             moves: wished.is_some(),
             period_s: span_s,
         };

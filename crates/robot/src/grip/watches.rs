@@ -28,7 +28,7 @@ impl Grip {
         let change = self.sliding.change(wished.acceleration, motion.acceleration, span_s);
         for (at, wheel) in self.wheels.iter_mut().enumerate() {
             let slide = self.sliding.look(at, &change, wheel.rim_m_s, pushes_n[at], span_s);
-            wheel.slide = slide.filter(|_| wheel.drives(pushes_n[at]));
+            wheel.slide = slide.filter(|_| !wheel.is_held_back && wheel.drives(pushes_n[at]));
         }
         let (shown, moment_nm) = self.pushed(motion, watched, &pushes_n[..count]);
         // By speed nothing swings by itself.
@@ -100,8 +100,10 @@ impl Grip {
         let wheels = self.wheels.iter().zip(self.kinematics.matrix());
         for (at, (rim, (wheel, row))) in rims.iter_mut().zip(wheels).enumerate() {
             let asked_m_s2 = row.iter().zip(asked).map(|(row, axis)| row * axis).sum();
-            let Wheel { rim_m_s, gains_m_s2, force_n: motor_n, .. } = *wheel;
+            let Wheel { rim_m_s, gains_m_s2, force_n: motor_n, is_held_back, .. } = *wheel;
             let needed_n = self.sliding.share_n(at, needed);
+            // At its drive's limit it follows nothing: it tells as little as one that stands.
+            let rim_m_s = if is_held_back { 0.0 } else { rim_m_s };
             *rim = Rim { asked_m_s2, gains_m_s2, rim_m_s, motor_n, needed_n };
         }
         let along = self.along(&wished.acceleration, motion);
