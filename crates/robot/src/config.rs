@@ -41,7 +41,7 @@ mod units;
 pub(crate) use axis_plan::AxisObject;
 pub use axis_plan::{AxisLimits, AxisPlan, AxisScale, HomingPlan};
 pub use axis_tables::*;
-pub(crate) use believed::{ESTIMATE_BOUNDS, rated_nm, wheel_kg};
+pub(crate) use believed::{ESTIMATE_BOUNDS, rated_nm, rim_per_count_m, wheel_kg};
 pub use bus_config::sync_manager;
 pub use bus_plan::{BusPlace, BusPlan, DriveWatchdog, Identity, ParameterPlan};
 pub use custom::Parameters;

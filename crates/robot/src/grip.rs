@@ -25,7 +25,7 @@ mod watches;
 
 use omnibase_platform::{Kinematics, PerWheel, Wrench2, axes};
 
-use crate::config::{RobotPlan, rated_nm, wheel_kg};
+use crate::config::{RobotPlan, rated_nm, rim_per_count_m, wheel_kg};
 use crate::decay::Decay;
 use crate::signals::{CycleTime, Dynamics, Exchange, GripReport, MAX_WHEELS, Measurements};
 use alone::Alone;
@@ -217,7 +217,7 @@ impl Grip {
                 first.mass.1[0] * GRAVITY_M_S2 / plan.kinematics.wheel_count() as f64,
                 TOLD_SHARE * rated_nm(plan).into_iter().fold(0.0, f64::max) / greatest_m,
             ),
-            probe: Probe::default(),
+            probe: Probe::new(rim_per_count_m(plan)),
             treads: Treads::new(plan),
             extent: Extent::new(plan),
             friction,

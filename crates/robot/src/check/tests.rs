@@ -239,6 +239,11 @@ fn what_is_probably_not_meant_is_warned_of() {
             "mass_kg = 80.0 # w",
             "controller.mass_kg = 70 kg: less than the robot",
         ),
+        (
+            "device = \"sgdv\"",
+            "device = \"sgdv\"\ncounts_per_revolution = 50_000",
+            "counts_per_revolution: a count is 12.6 um of a rim",
+        ),
     ] {
         let found = doubts(from, to);
         assert!(found.iter().any(|doubt| doubt.starts_with(setting)), "{to}: {found:?}");

@@ -1,5 +1,8 @@
 //! What is believed of motors and masses before anything was measured.
 
+use std::f64::consts::TAU;
+
+use super::drive_plan::DriveScale;
 use super::plan::RobotPlan;
 use crate::signals::MAX_WHEELS;
 
@@ -24,4 +27,14 @@ pub(crate) fn rated_nm(plan: &RobotPlan) -> [f64; MAX_WHEELS] {
         *rated_nm = drive.scale.rated_torque_nm * drive.scale.gear_ratio;
     }
     rated_nm
+}
+
+/// The farthest that a rim goes by a count of its encoder, m.
+pub(crate) fn rim_per_count_m(plan: &RobotPlan) -> f64 {
+    let rims = plan.kinematics.wheels().iter().zip(&plan.drives);
+    rims.map(|(wheel, drive)| {
+        let DriveScale { counts_per_revolution, gear_ratio, .. } = drive.scale;
+        TAU * wheel.radius_m / (f64::from(counts_per_revolution) * gear_ratio.abs())
+    })
+    .fold(0.0, f64::max)
 }

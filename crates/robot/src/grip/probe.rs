@@ -34,9 +34,11 @@ const GENTLE_M_S2: f64 = 1.0;
 const SWING_NS: u64 = 56_000_000;
 /// So many looks begin within a swing, one after the other.
 const LOOKS: usize = 4;
-/// A rim that is asked to swing by less tells nothing, m/s²; nor one that is asked for less than this part of what the most is, for what
+/// A rim that is asked to swing by less tells nothing, m/s²; nor by less than so many times what counts alone look like: a position that
+/// is rounded to them swings by a πth of one at most (B. Widrow, I. Kollár, *Quantization Noise*, 2008); nor one that is asked for less than this part of what the most is, for what
 /// all of them move moves it too; nor does one that follows by less than this part.
 const LEAST_M_S2: f64 = 0.02;
+const COUNTED: f64 = 4.0;
 const OF_MOST: f64 = 0.5;
 const FOLLOWS: f64 = 0.5;
 /// Wheels slide only where their platform is pushed by less than this part of what is believed that it takes.
@@ -46,6 +48,17 @@ const PUSHED: f64 = 0.5;
 /// finds a sine's amplitude as the cosine does.
 const LINE: f64 = 6.0 / PI;
 const SCALE: f64 = 1.0 / (1.0 - 6.0 / (PI * PI));
+
+/// A rim that is asked to swing by less tells nothing, m/s², where it goes so far by a count of its encoder, m.
+fn least_m_s2(count_m: f64) -> f64 {
+    let rad_s = TAU * 1e9 / SWING_NS as f64;
+    LEAST_M_S2.max(COUNTED * rad_s * rad_s * count_m / PI)
+}
+
+/// Whether gentle motions are heard where a rim goes so far by a count of its encoder, m.
+pub(crate) fn hears_gentle_motions(count_m: f64) -> bool {
+    least_m_s2(count_m) < MOST_M_S2
+}
 
 /// Cycles of a swing: a multiple of the looks.
 fn cycles(period_ns: u64) -> u64 {
@@ -202,12 +215,19 @@ struct Look {
 }
 
 /// The watch.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Probe {
     looks: [Look; LOOKS],
+    /// A rim that is asked to swing by less tells nothing, m/s².
+    least_m_s2: f64,
 }
 
 impl Probe {
+    /// Of rims that go so far by a count of their encoders, m.
+    pub(super) fn new(count_m: f64) -> Self {
+        Probe { looks: Default::default(), least_m_s2: least_m_s2(count_m) }
+    }
+
     /// Nothing is known of what was before.
     pub(super) fn forget(&mut self) {
         self.looks = Default::default();
@@ -251,7 +271,7 @@ impl Probe {
                 add(&mut swings.sines, shown.values, with[1]);
             }
             if index + 1 == cycles && look.taken == cycles {
-                moved = look.moved(cycles);
+                moved = look.moved(cycles, self.least_m_s2);
             }
         }
         moved
@@ -265,7 +285,7 @@ fn add<const N: usize>(sums: &mut [f64; N], values: [f64; N], with: f64) {
 
 impl Look {
     /// What is found of each wheel; `None` where that says nothing.
-    fn moved(&self, cycles: u64) -> [Option<Moved>; MAX_WHEELS] {
+    fn moved(&self, cycles: u64, least_m_s2: f64) -> [Option<Moved>; MAX_WHEELS] {
         let size = |sums: [f64; 2]| 2.0 / cycles as f64 * omnibase_platform::length(sums);
         let is_pushed = size(self.pushed) > PUSHED * size(self.needed);
         let asked = |swings: &Swings| size([swings.cosines[0], swings.sines[0]]);
@@ -276,10 +296,8 @@ impl Look {
                 (motor[0] * gains[0] + motor[1] * gains[1]) / (gains[0] * gains[0] + gains[1] * gains[1]);
             let [asked, gains, motor, needed] = [asked, gains, motor, needed].map(size);
             let turns_on = forwards.unsigned_abs() == cycles;
-            let tells = turns_on && asked > LEAST_M_S2.max(OF_MOST * most) && gains > FOLLOWS * asked;
-            // What it gains beyond what it was asked for is ringing, or an encoder's counts.
-            let swung = gains.min(asked);
-            let moved = Moved { kg: motor / swung, along_kg: along, needed_kg: needed / asked, is_pushed };
+            let tells = turns_on && asked > least_m_s2.max(OF_MOST * most) && gains > FOLLOWS * asked;
+            let moved = Moved { kg: motor / gains, along_kg: along, needed_kg: needed / asked, is_pushed };
             tells.then_some(moved).filter(|moved| (moved.kg + moved.needed_kg).is_finite())
         })
     }
@@ -296,7 +314,7 @@ mod tests {
     /// What two rims were said to move over a second, kg: a motor's force as a world makes it of time and of what the first rim gains, that
     /// begins to be asked for an acceleration at 0.1 s; the second is asked for a part of it.
     fn told(asked_m_s2: f64, part: f64, world: impl Fn(f64, f64) -> f64) -> [Vec<f64>; 2] {
-        let mut probe = Probe::default();
+        let mut probe = Probe::new(0.0);
         let mut told = [vec![], vec![]];
         let mut before_s = 0.0;
         for index in 0..1000 {
@@ -336,7 +354,7 @@ mod tests {
         let seconds = [0.4, 0.6].map(|part| told(1.5, part, |_, gains| 2.0 * gains)[1].len());
         assert!(seconds[0] == 0 && seconds[1] > 50, "{seconds:?}");
         // A rim that doesn't follow, as where its motor is at its limit.
-        let mut probe = Probe::default();
+        let mut probe = Probe::new(0.0);
         for index in 0..1000 {
             let time = CycleTime::on_grid(index, PERIOD_NS);
             let rim =
@@ -347,7 +365,7 @@ mod tests {
 
     #[test]
     fn a_wheel_that_turns_back_says_nothing_for_dry_friction_turns_with_it() {
-        let mut probe = Probe::default();
+        let mut probe = Probe::new(0.0);
         let mut told_s = vec![];
         for index in 0..1000 {
             let time = CycleTime::on_grid(index, PERIOD_NS);
