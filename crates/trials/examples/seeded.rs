@@ -1,7 +1,7 @@
 //! Drives robots of every kind on every floor, and prints what must happen to none of them.
 //!
-//! `cargo run --release -p omnibase-trials --example seeded [robots [first seed]] [law of torque]`: 1000 robots by default, on all cores; those
-//! by torque by `adaptive_torque`, where no other is named.
+//! `cargo run --release -p omnibase-trials --example seeded [robots [first seed]] [law of torque] [--coarse]`: 1000 robots by default, on all
+//! cores; those by torque by `adaptive_torque`, where no other is named; with `--coarse` on encoders that count coarsely.
 //! What went wrong is told by its seed as it happens; `seeded 1 SEED` drives it again, `seeded seeds SEED SEED ...` many.
 
 use std::collections::BTreeMap;
@@ -25,7 +25,8 @@ struct Tally {
 fn main() {
     let (laws, words) = asked(&OF_TORQUE);
     let law = if let [law] = laws[..] { law } else { OF_TORQUE[0] };
-    let mut words = words.into_iter().peekable();
+    let are_coarse = words.iter().any(|word| word == "--coarse");
+    let mut words = words.into_iter().filter(|word| word != "--coarse").peekable();
     let are_listed = words.next_if(|first| first == "seeds").is_some();
     let numbers: Vec<u64> = words.map(|text| text.parse().expect("a number")).collect();
     let (robots, first) = (numbers.first().copied().unwrap_or(1000), numbers.get(1).copied().unwrap_or(1));
@@ -40,6 +41,7 @@ fn main() {
                 loop {
                     let Some(seed) = seeds.get(next.fetch_add(1, Ordering::Relaxed)).copied() else { return };
                     let seeded = Seeded::by(seed, law);
+                    let seeded = if are_coarse { seeded.with_coarse_encoders() } else { seeded };
                     let outcome = catch_unwind(AssertUnwindSafe(|| seeded.ride())).ok();
                     tally.lock().expect("no thread panics with it").see(&seeded, outcome, seeds.len() == 1);
                 }

@@ -11,7 +11,9 @@ pub fn print_in_order<C: Sync>(cases: &[C], row: impl Fn(&C) -> String + Sync) {
     let next = AtomicUsize::new(0);
     let rows: Mutex<(usize, Vec<Option<String>>)> = Mutex::new((0, vec![None; cases.len()]));
     let work = || {
-        while let Some((at, case)) = cases.iter().enumerate().nth(next.fetch_add(1, Ordering::Relaxed)) {
+        loop {
+            let at = next.fetch_add(1, Ordering::Relaxed);
+            let Some(case) = cases.get(at) else { return };
             let text = row(case);
             let (printed, rows) = &mut *rows.lock().expect("rows");
             rows[at] = Some(text);

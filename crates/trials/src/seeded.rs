@@ -63,6 +63,8 @@ pub struct Seeded {
     pub lag_us: f64,
     /// What each motor gives over what its current promises.
     pub torque_ratios: Vec<f64>,
+    /// What the encoders count in a turn of a wheel, where it isn't what the robot's file says.
+    pub counts: Option<u32>,
     /// Its file.
     text: String,
 }
@@ -228,6 +230,7 @@ impl Seeded {
             cycle_us,
             lag_us,
             torque_ratios,
+            counts: None,
             text,
         };
         seeded.text = seeded.complete(file, is_weighed, &mut random);
@@ -304,13 +307,27 @@ impl Seeded {
         )
     }
 
+    /// The same with encoders of 15,000 to 1,000,000 counts a turn of a wheel.
+    pub fn with_coarse_encoders(mut self) -> Seeded {
+        let counts = Random::new(self.seed ^ 0xC0A2_5E00_0000_0000).spread(15e3, 1e6) as u32;
+        let (of_file, counted) = match self.robot {
+            "bmm" => ("device = \"sgdv\"", format!("device = \"sgdv\"\ncounts_per_revolution = {counts}")),
+            // A gear of 10.
+            _ => ("counts_per_revolution = 1_048_576", format!("counts_per_revolution = {}", counts / 10)),
+        };
+        self.text = self.text.replace(of_file, &counted);
+        self.counts = Some(counts);
+        self
+    }
+
     /// In one line.
     pub fn row(&self) -> String {
+        let counts = self.counts.map_or(String::new(), |counts| format!(", {counts} counts a turn"));
         let told = |is_told: bool| if is_told { ", told" } else { "" };
         let ratios: Vec<String> = self.torque_ratios.iter().map(|ratio| format!("{ratio:.2}")).collect();
         format!(
             "seed {} {} {}, tread {:.1e} N/m {:.2}{}, floor {:.2}{}, payload {:.0} kg, m̂ {:.0} %, {:.2} times as fast, \
-             cycle {} us, lag {:.0} us, motors {}",
+             cycle {} us, lag {:.0} us{counts}, motors {}",
             self.seed,
             self.robot,
             self.law,
