@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 use omnibase_platform::Twist2;
 
 use crate::config::{RobotPlan, rim_per_count_m};
-use crate::grip::probe::hears_gentle_motions;
+use crate::grip::probe::Extent;
 
 /// What wheeled platforms that people stand beside have; far more or less is a mistake, or wants a second look.
 const WHEEL_RADIUS_M: RangeInclusive<f64> = 0.01..=0.5;
@@ -68,11 +68,10 @@ impl RobotPlan {
                 "controller.mass_kg = {begins_kg} kg: less than the robot without a load, platform.mass_kg = {least_kg} kg; which was weighed?"
             ));
         }
-        let count_m = rim_per_count_m(self);
-        if !hears_gentle_motions(count_m) {
+        if !Extent::tells(self) {
             doubts.push(format!(
                 "counts_per_revolution: a count is {:.1} um of a rim, too coarse to hear by speed whether wheels slip in gentle motions; is it meant so?",
-                1e6 * count_m
+                1e6 * rim_per_count_m(self)
             ));
         }
         let most_m_s = self.reached_m_s();

@@ -241,8 +241,8 @@ fn what_is_probably_not_meant_is_warned_of() {
         ),
         (
             "device = \"sgdv\"",
-            "device = \"sgdv\"\ncounts_per_revolution = 50_000",
-            "counts_per_revolution: a count is 12.6 um of a rim",
+            "device = \"sgdv\"\ncounts_per_revolution = 40_000",
+            "counts_per_revolution: a count is 15.7 um of a rim",
         ),
     ] {
         let found = doubts(from, to);

@@ -13,19 +13,21 @@ use omnibase_platform::{Twist2, axes};
 
 use super::GRAVITY_M_S2;
 use super::friction::{DRY_M_S, WheelFriction};
-use crate::config::RobotPlan;
+use crate::config::{RobotPlan, rim_per_count_m};
 use crate::signals::{CycleTime, MAX_WHEELS, Setpoint};
 
 /// The part of an acceleration that swings: a gripping wheel's push does on the softest treads by five times as much, within the margin
 /// that motions are planned with.
 const PART: f64 = 0.04;
-/// Gentler motions swing by this part of what the floor bears beyond them, up to so much, m/s², and so great a part: what
-/// changes in them otherwise makes a wheel of its motor's force look like a tenth of the platform.
+/// Gentler motions swing by this part of what the floor bears beyond them, up to so much, m/s², more where encoders count coarsely, and so
+/// great a part: what changes in them otherwise makes a wheel of its motor's force look like a tenth of the platform.
 const LEFT: f64 = 0.2;
 const MOST_M_S2: f64 = 0.1;
 const MOST_PART: f64 = 0.4;
-/// By so much at least, m/s²: what is asked for with less tells nothing.
-const GENTLEST_M_S2: f64 = 1.25 * LEAST_M_S2;
+/// What is asked for with so many times what tells nothing tells something along most rims.
+const HEARD: f64 = 1.25;
+/// By so much at least, m/s².
+const GENTLEST_M_S2: f64 = HEARD * LEAST_M_S2;
 /// What three wheels on a floor whose friction is told bear of it in their worst direction, within that margin, over gravity.
 const BORNE: f64 = 0.33;
 /// What asks for less than this of a rim is gentle, m/s².
@@ -53,11 +55,6 @@ const SCALE: f64 = 1.0 / (1.0 - 6.0 / (PI * PI));
 fn least_m_s2(count_m: f64) -> f64 {
     let rad_s = TAU * 1e9 / SWING_NS as f64;
     LEAST_M_S2.max(COUNTED * rad_s * rad_s * count_m / PI)
-}
-
-/// Whether gentle motions are heard where a rim goes so far by a count of its encoder, m.
-pub(crate) fn hears_gentle_motions(count_m: f64) -> bool {
-    least_m_s2(count_m) < MOST_M_S2
 }
 
 /// Cycles of a swing: a multiple of the looks.
@@ -88,13 +85,22 @@ impl Extent {
         let floors = [plan.grip.friction, plan.grip.remembered.map(|floor| floor.friction)];
         let borne = floors.into_iter().flatten().map(|friction| BORNE * friction * GRAVITY_M_S2);
         let smooth_m_s2 = plan.limits.jerk_m_s3 * 1e-9 * SWING_NS as f64 / TAU;
+        let told_m_s2 = least_m_s2(rim_per_count_m(plan));
         Extent {
             borne_m_s2: borne.fold(plan.limits.acceleration_m_s2, f64::min),
             turn_rad_s2: plan.limits.turn_acceleration_rad_s2,
             // A swing changes by its size times its ω in a second.
-            most_m_s2: MOST_M_S2.min(smooth_m_s2),
+            most_m_s2: MOST_M_S2.max(HEARD * told_m_s2).min(smooth_m_s2),
             lever_m: WheelFriction::new(&plan.kinematics).lever_m(),
         }
+    }
+
+    /// Whether any gentle motion swings by what tells something.
+    pub(crate) fn tells(plan: &RobotPlan) -> bool {
+        let extent = Extent::new(plan);
+        // Where both parts are alike the swing is the greatest.
+        let greatest_m_s2 = extent.borne_m_s2 * LEFT * MOST_PART / (LEFT + MOST_PART);
+        greatest_m_s2.min(extent.most_m_s2) > least_m_s2(rim_per_count_m(plan))
     }
 
     /// Whether a motion asks for little.
