@@ -455,6 +455,25 @@ mod tests {
     }
 
     #[test]
+    fn what_counts_alone_look_like_tells_nothing_and_coarse_ones_are_asked_harder() {
+        // A position that is rounded, swinging by as much as it can at the swing's place: a πth of a count.
+        let count_m = TAU * 0.1 / 60_000.0;
+        let counted_m_s2 = (TAU / 0.056).powi(2) * count_m / PI;
+        assert!((least_m_s2(count_m) - 4.0 * counted_m_s2).abs() < 1e-12);
+        assert_eq!([0.0, 0.6e-6].map(least_m_s2), [LEAST_M_S2; 2]);
+        let of = |counts: u32| {
+            let text = include_str!("../../../../robots/bmm.toml");
+            let told = format!("device = \"sgdv\"\ncounts_per_revolution = {counts}");
+            let text = text.replace("device = \"sgdv\"", &told);
+            RobotPlan::from_toml(&text, &Registry::with_built_in(), &|_: &str| Err(String::new())).unwrap()
+        };
+        let [fine, coarse, coarsest] = [1_048_576, 60_000, 40_000].map(of);
+        assert_eq!(Extent::new(&fine).most_m_s2, MOST_M_S2);
+        assert!((Extent::new(&coarse).most_m_s2 - 5.0 * counted_m_s2).abs() < 1e-12);
+        assert_eq!([&fine, &coarse, &coarsest].map(Extent::tells), [true, true, false]);
+    }
+
+    #[test]
     fn a_swing_is_slower_than_ringing_and_swings_by_a_part() {
         for period_ns in [125_000, 250_000, 500_000, 1_000_000, 2_000_000, 3_000_000, 4_000_000] {
             let half_ns = cycles(period_ns) * period_ns / 2;
