@@ -36,11 +36,13 @@ const GENTLE_M_S2: f64 = 1.0;
 const SWING_NS: u64 = 56_000_000;
 /// So many looks begin within a swing, one after the other.
 const LOOKS: usize = 4;
-/// A rim that is asked to swing by less tells nothing, m/s²; nor by less than so many times what counts alone look like: a position that
-/// is rounded to them swings by a πth of one at most (B. Widrow, I. Kollár, *Quantization Noise*, 2008); nor one that is asked for less than this part of what the most is, for what
-/// all of them move moves it too; nor does one that follows by less than this part.
+/// A rim that is asked to swing by less tells nothing, m/s².
 const LEAST_M_S2: f64 = 0.02;
+/// Nor by less than so many times what counts alone look like: a position that is rounded to them swings by a πth of one at most
+/// (B. Widrow, I. Kollár, *Quantization Noise*, 2008).
 const COUNTED: f64 = 4.0;
+/// Nor one that is asked for less than this part of what the most is, for what all of them move moves it too; nor one that follows by less
+/// than this part.
 const OF_MOST: f64 = 0.5;
 const FOLLOWS: f64 = 0.5;
 /// Wheels slide only where their platform is pushed by less than this part of what is believed that it takes.

@@ -192,6 +192,11 @@ impl Sliding {
         told.slide(force_n)
     }
 
+    /// A limit of its drive's keeps a wheel's force: that it stays says nothing.
+    pub(super) fn leave(&mut self, wheel: usize) {
+        self.stays[wheel] = Stays::default();
+    }
+
     /// A wheel's part of a wrench, N: that of least norm.
     pub(super) fn share_n(&self, wheel: usize, wrench: [f64; 3]) -> f64 {
         self.shares[wheel].iter().zip(wrench).map(|(share, part)| share * part).sum()
@@ -308,5 +313,26 @@ mod tests {
         let pushes = |_: f64, [_, first_n]: [f64; 2]| first_n;
         let world = World { wished: &spoiled, driven: &stepped, pushes: &pushes, body: [90.0, 9.0] };
         assert!(told(&world).is_some());
+    }
+
+    #[test]
+    fn what_a_limit_keeps_is_no_slide_then_nor_when_it_ends() {
+        // An acceleration that begins at half a second, and a force that stays; a limit keeps it until 0.65 s.
+        let told_after_limit = |is_left: bool| {
+            let kinematics = Kinematics::new(layout::omni(3, 0.4, 0.1, 0.0)).unwrap();
+            let mut sliding = Sliding::new(&kinematics, &FIRST);
+            (0..1000).any(|cycle| {
+                let t = f64::from(cycle) * PERIOD_S;
+                let motion = [if t < 0.5 { 0.0 } else { 1.5 }, 0.0, 0.0];
+                let change = sliding.change(motion, motion, PERIOD_S);
+                let (at, is_at_limit) = (1, t < 0.65);
+                let slide = sliding.look(at, &change, 0.5, 60.0, PERIOD_S);
+                if is_left && is_at_limit {
+                    sliding.leave(at);
+                }
+                !is_at_limit && slide.is_some()
+            })
+        };
+        assert_eq!([true, false].map(told_after_limit), [false, true]);
     }
 }

@@ -29,6 +29,9 @@ impl Grip {
         for (at, wheel) in self.wheels.iter_mut().enumerate() {
             let slide = self.sliding.look(at, &change, wheel.rim_m_s, pushes_n[at], span_s);
             wheel.slide = slide.filter(|_| !wheel.is_held_back && wheel.drives(pushes_n[at]));
+            if wheel.is_held_back {
+                self.sliding.leave(at);
+            }
         }
         let (shown, moment_nm) = self.pushed(motion, watched, &pushes_n[..count]);
         // By speed nothing swings by itself.
