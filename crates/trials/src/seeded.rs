@@ -308,6 +308,9 @@ impl Seeded {
     }
 
     /// The same with encoders of 15,000 to 1,000,000 counts a turn of a wheel.
+    ///
+    /// # Panics
+    /// Where the robot's file says no longer what it replaces.
     pub fn with_coarse_encoders(mut self) -> Seeded {
         let counts = Random::new(self.seed ^ 0xC0A2_5E00_0000_0000).spread(15e3, 1e6) as u32;
         let (of_file, counted) = match self.robot {
@@ -315,6 +318,7 @@ impl Seeded {
             // A gear of 10.
             _ => ("counts_per_revolution = 1_048_576", format!("counts_per_revolution = {}", counts / 10)),
         };
+        assert!(self.text.contains(of_file), "the robot's file says `{of_file}`");
         self.text = self.text.replace(of_file, &counted);
         self.counts = Some(counts);
         self

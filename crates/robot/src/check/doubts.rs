@@ -68,7 +68,7 @@ impl RobotPlan {
                 "controller.mass_kg = {begins_kg} kg: less than the robot without a load, platform.mass_kg = {least_kg} kg; which was weighed?"
             ));
         }
-        if !Extent::tells(self) {
+        if Extent::is_drowned_by_counts(self) {
             doubts.push(format!(
                 "counts_per_revolution: a count is {:.1} um of a rim, too coarse to hear by speed whether wheels slip in gentle motions; is it meant so?",
                 1e6 * rim_per_count_m(self)

@@ -97,12 +97,12 @@ impl Extent {
         }
     }
 
-    /// Whether any gentle motion swings by what tells something.
-    pub(crate) fn tells(plan: &RobotPlan) -> bool {
-        let extent = Extent::new(plan);
+    /// Whether its encoders count so coarsely that no gentle motion swings by what tells something.
+    pub(crate) fn is_drowned_by_counts(plan: &RobotPlan) -> bool {
+        let (extent, told_m_s2) = (Extent::new(plan), least_m_s2(rim_per_count_m(plan)));
         // Where both parts are alike the swing is the greatest.
         let greatest_m_s2 = extent.borne_m_s2 * LEFT * MOST_PART / (LEFT + MOST_PART);
-        greatest_m_s2.min(extent.most_m_s2) > least_m_s2(rim_per_count_m(plan))
+        told_m_s2 > LEAST_M_S2 && greatest_m_s2.min(extent.most_m_s2) < told_m_s2
     }
 
     /// Whether a motion asks for little.
@@ -472,7 +472,7 @@ mod tests {
         let [fine, coarse, coarsest] = [1_048_576, 60_000, 40_000].map(of);
         assert_eq!(Extent::new(&fine).most_m_s2, MOST_M_S2);
         assert!((Extent::new(&coarse).most_m_s2 - 5.0 * counted_m_s2).abs() < 1e-12);
-        assert_eq!([&fine, &coarse, &coarsest].map(Extent::tells), [true, true, false]);
+        assert_eq!([&fine, &coarse, &coarsest].map(Extent::is_drowned_by_counts), [false, false, true]);
     }
 
     #[test]
